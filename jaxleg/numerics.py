@@ -1,0 +1,94 @@
+"""Gradient-safe numerics and the small linear algebra that the dynamics needs.
+
+Everything here is elementwise on small arrays, so that a `vmap` over thousands of lanes stays vectorised: XLA's batched
+LAPACK calls on 3x3 and 6x6 systems are several times slower. Functions with a `_safe` suffix have finite gradients at
+their singular point (the double-`where` idiom); each has a test there.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+
+def sqrt_safe(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Square root of max(x, 0), with gradient 0 instead of infinity where x <= 0."""
+    positive = x > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1.0)), 0.0)
+
+
+def norm_safe(x: Float[Array, "*n k"]) -> Float[Array, "*n"]:
+    """Euclidean norm over the last axis, with gradient 0 at the origin."""
+    return sqrt_safe(jnp.sum(x * x, axis=-1))
+
+
+def smoothstep(x: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
+    """Quintic step from 0 (x <= 0) to 1 (x >= 1) with zero first and second derivative at both ends (minimum jerk)."""
+    x = jnp.clip(x, 0.0, 1.0)
+    return x * x * x * (10.0 + x * (-15.0 + 6.0 * x))
+
+
+def cross(a: Float[Array, "*n 3"], b: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
+    """Cross product over the last axis, written out (jnp.cross moves axes about)."""
+    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
+    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
+    return jnp.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-1)
+
+
+def dot(a: Float[Array, "*n k"], b: Float[Array, "*m k"]) -> Float[Array, "*o"]:
+    """Inner product over the last axis."""
+    return jnp.sum(a * b, axis=-1)
+
+
+def matvec(a: Float[Array, "*n i k"], x: Float[Array, "*m k"]) -> Float[Array, "*o i"]:
+    """Matrix times vector over the last axes, as products and sums."""
+    return jnp.sum(a * x[..., None, :], axis=-1)
+
+
+def matmul(a: Float[Array, "*n i k"], b: Float[Array, "*m k j"]) -> Float[Array, "*o i j"]:
+    """Matrix product over the last axes, as products and sums."""
+    return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
+
+
+def inverse3(a: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3 3"]:
+    """Inverse of a 3x3 matrix by cofactors. Not finite for a singular matrix."""
+    rows = [a[..., i, :] for i in range(3)]
+    columns = [cross(rows[1], rows[2]), cross(rows[2], rows[0]), cross(rows[0], rows[1])]
+    return jnp.stack(columns, axis=-1) / dot(rows[0], columns[0])[..., None, None]
+
+
+def solve_spd(a: Float[Array, "n n"], b: Float[Array, "n"]) -> Float[Array, "n"]:
+    """Solve a x = b for a small symmetric positive definite matrix by an unrolled Cholesky factorisation."""
+    n = b.shape[0]
+    lower: list[list] = [[None] * n for _ in range(n)]
+    inverse_diagonal, y = [], []
+    for j in range(n):
+        pivot = jax.lax.rsqrt(a[j, j] - sum(lower[j][k] ** 2 for k in range(j)))
+        inverse_diagonal.append(pivot)
+        for i in range(j + 1, n):
+            lower[i][j] = (a[i, j] - sum(lower[i][k] * lower[j][k] for k in range(j))) * pivot
+        y.append((b[j] - sum(lower[j][k] * y[k] for k in range(j))) * pivot)
+    x = [None] * n
+    for j in reversed(range(n)):
+        x[j] = (y[j] - sum(lower[i][j] * x[i] for i in range(j + 1, n))) * inverse_diagonal[j]
+    return jnp.stack(x)
+
+
+def solve_block_arrow(
+    trunk: Float[Array, "6 6"],
+    coupling: Float[Array, "leg 6 3"],
+    legs: Float[Array, "leg 3 3"],
+    trunk_rhs: Float[Array, "6"],
+    leg_rhs: Float[Array, "leg 3"],
+) -> tuple[Float[Array, "6"], Float[Array, "leg 3"]]:
+    """Solve the arrow-shaped system of a floating trunk with legs that couple only through it.
+
+    [ trunk   C_1 ... C_n ] [x]   [ trunk_rhs ]
+    [ C_i^T   L_i         ] [y] = [ leg_rhs_i ]
+
+    by the Schur complement S = trunk - sum_i C_i L_i^-1 C_i^T: one 3x3 inverse a leg and one 6x6 factorisation.
+    """
+    gain = matmul(coupling, inverse3(legs))
+    schur = trunk - jnp.sum(matmul(gain, jnp.swapaxes(coupling, -1, -2)), axis=0)
+    x = solve_spd(schur, trunk_rhs - jnp.sum(matvec(gain, leg_rhs), axis=0))
+    return x, matvec(inverse3(legs), leg_rhs - matvec(jnp.swapaxes(coupling, -1, -2), x))

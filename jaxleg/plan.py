@@ -1,0 +1,111 @@
+"""The data a plan is made of: gait parameters, the walk (footholds, way-points, phases) and its sampled reference."""
+
+import dataclasses
+import enum
+from typing import NamedTuple
+
+import jax
+from jaxtyping import Array, Bool, Float, Int
+
+
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class GaitParams:
+    """The planner's continuous parameters. Paper A's letter is given where it has one; lengths in metres.
+
+    `phase` shares: each half cycle is a body shift, the hind leg's swing and the front leg's.
+    """
+
+    hip_height: Float[Array, "*batch"]  # H_COG: hip plane above the mean foot height
+    foot_offset: Float[Array, "*batch"]  # L_F2H centre: feet ahead (+) or behind (-) the hips
+    skew: Float[Array, "*batch"]  # L_Skew: left feet ahead of the right ones before the right legs swing
+    step_length: Float[Array, "*batch"]  # L_Step
+    stance_length: Float[Array, "*batch"]  # L_Stance: front to hind foot of a side
+    stance_width: Float[Array, "*batch"]  # W_Stance: left to right foot
+    swing_height: Float[Array, "*batch"]  # H of the compound cycloid (B3), above the higher end
+    shift_share: Float[Array, "*batch"]  # body shift's part of a half cycle
+    hind_share: Float[Array, "*batch"]  # hind swing's part of the rest
+    lift_share: Float[Array, "*batch"]  # part of a swing at either end in which the foot moves only up or down
+
+
+class FootholdStatus(enum.IntEnum):
+    """How a foothold was found by the cascade (paper A, IV.B.3)."""
+
+    NOMINAL = 0  # a common offset within the rectangle
+    WIDENED = 1  # a common offset within the lengthened rectangle
+    NEAREST = 2  # no common offset: this leg's valid cell nearest to nominal
+    NONE = 3  # no valid cell at all: placed nowhere, the lane is infeasible
+
+
+class PlanStatus(enum.IntEnum):
+    """Outcome of planning one lane; anything but `OK` is infeasible and is counted, never averaged over."""
+
+    OK = 0
+    NO_FOOTHOLD = 1
+    OUT_OF_REACH = 2  # even lowered, a foot is out of reach or the hip at or below the thigh's length over the feet
+    NOT_FINITE = 3  # e.g. the walk leaves the seen part of the map
+
+
+class Phases(NamedTuple):
+    """The phases of a walk, six a cycle: shift, hind swing, front swing for the right side, then for the left.
+
+    Trunk poses are (x, y, z, pitch): B's origin in W [m] and nose-up pitch [rad].
+    """
+
+    start: Float[Array, "phase"]  # time at which the phase begins [s]
+    duration: Float[Array, "phase"]  # [s]
+    trunk_from: Float[Array, "phase 4"]
+    trunk_to: Float[Array, "phase 4"]
+    feet_from: Float[Array, "phase leg 3"]  # foot centres in W [m]
+    feet_to: Float[Array, "phase leg 3"]
+    apex: Float[Array, "phase leg"]  # swing apex above the higher end [m], 0 for standing legs
+    swings: Float[Array, "phase leg"]  # 1 for the leg that swings in this phase
+
+
+class Walk(NamedTuple):
+    """A planned walk of whole cycles; everything continuous is differentiable in the gait parameters and the map."""
+
+    params: GaitParams
+    footholds: Float[Array, "stance leg 3"]  # foot centres in W; stance 0 is where the walk begins
+    foothold_status: Int[Array, "stance leg"]
+    waypoints: Float[Array, "waypoint 4"]  # trunk pose before the first shift and after each
+    cycle_time: Float[Array, "cycle"]  # [s]
+    lowering: Float[Array, ""]  # how far the trunk was lowered below H_COG to fit the legs (A17) [m]
+    phases: Phases
+
+
+class Reference(NamedTuple):
+    """A walk sampled in time: what the joint controllers follow. Uniform samples, a fixed number a cycle, both ends."""
+
+    time: Float[Array, "t"]
+    joint_pos: Float[Array, "t leg joint"]
+    joint_vel: Float[Array, "t leg joint"]
+    joint_torque: Float[Array, "t leg joint"]  # feed-forward: full inverse dynamics of the reference [N m]
+    trunk_pos: Float[Array, "t 3"]
+    trunk_quat: Float[Array, "t 4"]
+    trunk_vel: Float[Array, "t 6"]  # linear in W [m/s], angular in B [rad/s]
+    foot_pos: Float[Array, "t leg 3"]
+    contact: Float[Array, "t leg"]  # 1 standing, 0 in the air, between: load being transferred
+
+
+class PlanChecks(NamedTuple):
+    """What constrains a plan, as numbers over its metered cycle."""
+
+    knee_bend: Float[Array, ""]  # least [rad]
+    margin: Float[Array, ""]  # least planned stability margin [m]
+    torque_ratio: Float[Array, ""]  # greatest |torque| over its limit
+    lowering: Float[Array, ""]  # [m]
+    status: Int[Array, ""]  # PlanStatus
+
+
+class Plan(NamedTuple):
+    """A walk and its reference."""
+
+    walk: Walk
+    reference: Reference
+    status: Int[Array, ""]  # PlanStatus
+
+
+def feasible(status: Int[Array, "*n"]) -> Bool[Array, "*n"]:
+    """Whether a `PlanStatus` says the plan can be walked."""
+    return status == PlanStatus.OK

@@ -1,0 +1,97 @@
+"""Trunk poses: way-points from the support triangles, pitch with the ground, lowering to what the legs reach.
+
+Paper A, IV.C (readings A12, A16, A17). A trunk pose is (x, y, z, pitch): B's origin in W [m], nose-up pitch [rad].
+"""
+
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from jaxleg.conventions import LEG_END
+from jaxleg.dynamics import all_leg_frames, centre_of_mass
+from jaxleg.gait import overlap_incentre
+from jaxleg.kinematics import leg_angles, reach_for_bend
+from jaxleg.numerics import dot, matvec, sqrt_safe
+from jaxleg.plan import GaitParams
+from jaxleg.robot import Robot
+
+
+def trunk_rotation(pitch: Float[Array, ""]) -> Float[Array, "3 3"]:
+    """Rotation B -> W of a nose-up pitch [rad] (about -y)."""
+    c, s = jnp.cos(pitch), jnp.sin(pitch)
+    zero, one = jnp.zeros_like(c), jnp.ones_like(c)
+    return jnp.stack([c, zero, -s, zero, one, zero, s, zero, c]).reshape(3, 3)
+
+
+def feet_in_trunk(pose: Float[Array, "4"], feet: Float[Array, "leg 3"]) -> Float[Array, "leg 3"]:
+    """Feet [m] relative to B's origin, in B."""
+    return matvec(jnp.swapaxes(trunk_rotation(pose[3]), 0, 1), feet - pose[:3])
+
+
+def joint_angles(
+    robot: Robot, pose: Float[Array, "4"], feet: Float[Array, "leg 3"]
+) -> tuple[Float[Array, "leg joint"], jax.Array]:
+    """Inverse kinematics of the four legs at a trunk pose, with a `Reach` status a leg."""
+    inverse = jax.vmap(leg_angles, in_axes=(0, 0, None, 0))
+    relative = feet_in_trunk(pose, feet) - robot.hip_position
+    return inverse(robot.joint_axis, robot.link_offset, robot.knee_sign, relative)
+
+
+def com_offset(robot: Robot, pose: Float[Array, "4"], feet: Float[Array, "leg 3"]) -> Float[Array, "3"]:
+    """Centre of mass, legs included, relative to B's origin, axes of W [m]."""
+    angles, _ = joint_angles(robot, pose, feet)
+    return matvec(trunk_rotation(pose[3]), centre_of_mass(robot, all_leg_frames(robot, angles)))
+
+
+def waypoint(
+    robot: Robot,
+    params: GaitParams,
+    before: Float[Array, "leg 3"],
+    after: Float[Array, "leg 3"],
+    standing: tuple[int, int],
+    swinging: tuple[int, int],
+) -> Float[Array, "4"]:
+    """Trunk pose in which a side's two swings happen (paper A, IV.C; reading A12).
+
+    `before`, `after` are the feet before and after the two swings; `standing`, `swinging` the (front, hind) legs. Across, the
+    centre of mass (legs included, averaged over the swings) stands over the in-centre of the two support triangles' overlap.
+    Fore and aft the hips' centre stands `foot_offset` ahead of that in-centre, so the feet are behind the hips by as much: A16,
+    the margin lost is reported. Height: mean foot height + H_COG; pitch: with the line from hind to front feet (A17).
+    """
+    (front, hind), (swing_front, swing_hind) = standing, swinging
+    centre = overlap_incentre(
+        before[front, :2], before[hind, :2], before[swing_front, :2], after[swing_hind, :2]
+    )
+    feet = 0.5 * (before + after)
+    pitch = _ground_pitch(feet)
+    height = jnp.mean(feet[:, 2]) + params.hip_height
+    pose = jnp.stack([centre[0] - params.foot_offset, centre[1], height, pitch])
+    for _ in range(2):  # the legs trail the trunk's sway by about a fifth: two passes leave under a millimetre
+        pose = pose.at[1].set(centre[1] - com_offset(robot, pose, feet)[1])
+    return pose
+
+
+def _ground_pitch(feet: Float[Array, "leg 3"]) -> Float[Array, ""]:
+    ahead = 0.5 * jnp.asarray(LEG_END, feet.dtype)
+    along = jnp.sum(ahead[:, None] * feet, axis=0)
+    return jnp.arctan2(along[2], along[0])
+
+
+def lowering_needed(
+    robot: Robot, pose: Float[Array, "4"], feet: Float[Array, "leg 3"], bend: Float[ArrayLike, ""]
+) -> tuple[Float[Array, "leg"], Float[Array, "leg"]]:
+    """How far the trunk must come down [m] so that each leg keeps at least the knee bend [rad] (A17), 0 where it already does.
+
+    Exact: the foot must lie within a sphere about the hip joint, so the lowering solves a quadratic (the hip link may have a
+    fore-aft and a lateral part, no vertical one). The second value is its discriminant [m^2]; negative means that no lowering helps.
+    """
+    rotation = trunk_rotation(pose[3])
+    link = robot.link_offset[:, 0]
+    lateral = jnp.sum(robot.link_offset[..., 1], axis=-1)
+    ahead = jnp.stack([link[:, 0], jnp.zeros_like(lateral), jnp.zeros_like(lateral)], axis=-1)
+    foot = feet_in_trunk(pose, feet) - robot.hip_position - ahead
+    reach = jax.vmap(reach_for_bend, in_axes=(0, None))(robot.link_offset, bend)
+    up = dot(foot, rotation[2])
+    discriminant = up**2 - dot(foot, foot) + reach**2 + lateral**2
+    return jax.nn.relu(-up - sqrt_safe(discriminant)), discriminant

@@ -1,0 +1,80 @@
+"""Energy proxy: electrical energy of the plan's own inverse dynamics, and what constrains the plan.
+
+The integral over a cycle is a Gauss rule on each smooth piece of each phase, so that the phases' shares have true
+gradients (a uniform grid aliases them). Differentiable in every continuous parameter; the discrete foothold choice is held.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from jaxleg.energy import Power, motor_power
+from jaxleg.gait import PHASES, SHIFT, SWING_LEG, stability_margin
+from jaxleg.kinematics import Reach
+from jaxleg.plan import FootholdStatus, PlanChecks, PlanStatus, Walk
+from jaxleg.planning.crawl import CrawlSettings
+from jaxleg.planning.reference import Instant, instant
+from jaxleg.robot import Robot
+
+
+class Proxy(NamedTuple):
+    """What a walk's last cycle costs and how near it comes to its constraints."""
+
+    energy: Power  # [J]
+    distance: Float[Array, ""]  # [m]
+    time: Float[Array, ""]  # [s]
+    checks: PlanChecks
+
+
+def evaluate(robot: Robot, walk: Walk, settings: CrawlSettings) -> Proxy:
+    """Energy and checks of the last cycle of a walk; one lane, `vmap` outside."""
+    phase, share, weight = _nodes(settings.load_share)
+    cycles = walk.cycle_time.shape[0]
+    phases = jax.tree.map(lambda x: x[(cycles - 1) * PHASES + phase], walk.phases)
+    at = jax.vmap(lambda p, s: instant(robot, walk, settings, p, s))(phases, share)
+    power = motor_power(robot, at.torque, at.velocity)
+    seconds = weight * phases.duration
+    energy = Power(*(jnp.sum(seconds[:, None, None] * p) for p in power))
+    advance = walk.waypoints[-1, 0] - walk.waypoints[-3, 0]
+    return Proxy(energy, advance, walk.cycle_time[-1], checks(robot, walk, at))
+
+
+def checks(robot: Robot, walk: Walk, at: Instant) -> PlanChecks:
+    """Least knee bend, stability margin and so on over sampled instants (leading axis of `at`)."""
+    feet, loaded = at.feet[..., :2], at.weight > 0.01
+    margin = jnp.min(jax.vmap(stability_margin)(at.com[:, :2], feet, loaded))
+    ratio = jnp.max(jnp.abs(at.torque) / robot.torque_limit)
+    return PlanChecks(jnp.min(at.bend), margin, ratio, walk.lowering, _status(robot, walk, at, margin + ratio))
+
+
+def _status(robot, walk, at, numbers):
+    low = walk.params.hip_height - walk.lowering <= -robot.link_offset[0, 1, 2]
+    outside = low | jnp.any(at.reach != Reach.OK) | jnp.any(walk.cycle_time <= 0.0)
+    missing = jnp.any(walk.foothold_status == FootholdStatus.NONE)
+    status = jnp.where(outside, PlanStatus.OUT_OF_REACH, PlanStatus.OK)
+    status = jnp.where(jnp.isfinite(numbers), status, PlanStatus.NOT_FINITE)
+    return jnp.where(missing, PlanStatus.NO_FOOTHOLD, status).astype(jnp.int32)
+
+
+def _nodes(load_share: Float[ArrayLike, ""]):
+    """Phase index, share and quadrature weight (in shares of the phase) of every node of a cycle."""
+    phase, share, weight = [], [], []
+    for index, leg in enumerate(SWING_LEG):
+        for start, width, order in _pieces(load_share, swing=leg != SHIFT):
+            x, w = np.polynomial.legendre.leggauss(order)
+            phase.append(np.full(order, index))
+            share.append(start + width * jnp.asarray((x + 1.0) / 2.0, dtype=load_share.dtype))
+            weight.append(width * jnp.asarray(w / 2.0, dtype=load_share.dtype))
+    return np.concatenate(phase), jnp.concatenate(share), jnp.concatenate(weight)
+
+
+def _pieces(load_share, swing: bool):
+    """Smooth pieces (start, width, nodes): load off, foot up, foot down, load on; or two halves of a body shift."""
+    if not swing:
+        return [(0.0, 0.5, 6), (0.5, 0.5, 6)]
+    half = 0.5 - load_share
+    return [(0.0, load_share, 3), (load_share, half, 7), (0.5, half, 7), (1.0 - load_share, load_share, 3)]
