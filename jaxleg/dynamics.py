@@ -10,14 +10,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxleg.kinematics import LegFrames, foot_jacobian, leg_frames
-from jaxleg.numerics import cross, dot, matvec, solve_spd
+from jaxleg.numerics import cross, dot, inverse3, matvec
 from jaxleg.robot import Robot
 
 
 class Motion(NamedTuple):
     """Motion of the whole robot at one instant; the trunk's vectors in B, its acceleration less that of gravity."""
 
-    angles: Float[Array, "leg joint"]
     velocity: Float[Array, "leg joint"]
     acceleration: Float[Array, "leg joint"]
     trunk_spin: Float[Array, "3"]  # angular velocity [rad/s]
@@ -108,28 +107,27 @@ def share_load(
     """Contact forces that add up to a wrench, with the least sum of |f_i|^2 / weight_i.
 
     `feet` [m] relative to the point the moment is about; weight 0 is a foot in the air, at least three feet must have a
-    positive one. Statics is the special case of a weight's wrench: the load follows from the balance of moments.
+    positive one. About the feet's weighted centroid the normal equations fall apart into force and moment, with r_i from it:
+    f_i = w_i (F / sum w + y x r_i),   sum w_i (|r_i|^2 - r_i r_i^T) y = moment about the centroid.
     """
-    zero = jnp.zeros_like(feet[:, 0])
-    x, y, z = feet[:, 0], feet[:, 1], feet[:, 2]
-    arm = jnp.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
-    identity = jnp.broadcast_to(jnp.eye(3, dtype=feet.dtype), arm.shape)
-    grasp = jnp.concatenate([identity, arm], axis=1)  # leg, wrench component, force component
-    normal = jnp.sum(weight[:, None, None, None] * grasp[:, :, None] * grasp[:, None, :], axis=(0, 3))
-    dual = solve_spd(normal, jnp.concatenate([wrench.force, wrench.moment]))
-    return weight[:, None] * jnp.sum(grasp * dual[None, :, None], axis=1)
+    total = jnp.sum(weight)
+    centroid = jnp.sum(weight[:, None] * feet, axis=0) / total
+    arm = feet - centroid
+    spread = dot(arm, arm)[:, None, None] * jnp.eye(3, dtype=feet.dtype) - arm[:, :, None] * arm[:, None, :]
+    tensor = jnp.sum(weight[:, None, None] * spread, axis=0)
+    twist = matvec(inverse3(tensor), wrench.moment - cross(centroid, wrench.force))
+    return weight[:, None] * (wrench.force / total + cross(jnp.broadcast_to(twist, arm.shape), arm))
 
 
 def torques_on_ground(
-    robot: Robot, motion: Motion, weight: Float[Array, "leg"]
-) -> tuple[Float[Array, "leg joint"], Float[Array, "leg 3"], LegFrames]:
-    """Joint torques [N m] of a motion on the ground, the contact forces [N, in B] and the legs' frames.
+    robot: Robot, frames: LegFrames, motion: Motion, weight: Float[Array, "leg"]
+) -> tuple[Float[Array, "leg joint"], Float[Array, "leg 3"]]:
+    """Joint torques [N m] of a motion on the ground and the contact forces [N, in B].
 
     Full inverse dynamics: links' weight and inertia, reflected rotors, joint loss, and tau = -J^T f (paper A III.B with the
     sign of the motors). `weight` shares the load, see `share_load`.
     """
-    frames = all_leg_frames(robot, motion.angles)
     torque, wrench = inverse_dynamics(robot, frames, motion)
     force = share_load(robot.hip_position + frames.foot, weight, wrench)
     jacobian = jax.vmap(foot_jacobian)(frames)
-    return torque - matvec(jnp.swapaxes(jacobian, -1, -2), force), force, frames
+    return torque - matvec(jnp.swapaxes(jacobian, -1, -2), force), force

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
-from jaxleg.numerics import cross, matmul, matvec, sqrt_safe
+from jaxleg.numerics import cross, inverse3_safe, matmul, matvec, sqrt_safe
 
 
 class LegFrames(NamedTuple):
@@ -78,6 +78,24 @@ def foot_position(
 def foot_jacobian(frames: LegFrames) -> Float[Array, "3 joint"]:
     """d foot / d angles [m/rad]: column j is axis_j x (foot - origin_j)."""
     return jnp.swapaxes(cross(frames.axis, frames.foot - frames.origin), 0, 1)
+
+
+def joint_rates(
+    frames: LegFrames, velocity: Float[Array, "3"], acceleration: Float[Array, "3"]
+) -> tuple[Float[Array, "joint"], Float[Array, "joint"]]:
+    """Joint velocities and accelerations that move the foot so in the hip's frame [m/s, m/s^2]: J^-1 v, J^-1 (a - dJ/dt q').
+
+    Large but finite at the stretched leg, where J is singular.
+    """
+    inverse = inverse3_safe(foot_jacobian(frames))
+    rates = matvec(inverse, velocity)
+    spin, spin_rate, bias = (jnp.zeros_like(velocity) for _ in range(3))
+    for j, end in enumerate((frames.origin[1], frames.origin[2], frames.foot)):
+        turn = frames.axis[j] * rates[j]
+        spin_rate, spin = spin_rate + cross(spin, turn), spin + turn
+        arm = end - frames.origin[j]
+        bias = bias + cross(spin_rate, arm) + cross(spin, cross(spin, arm))
+    return rates, matvec(inverse, acceleration - bias)
 
 
 def leg_angles(

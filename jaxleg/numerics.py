@@ -52,9 +52,21 @@ def matmul(a: Float[Array, "*n i k"], b: Float[Array, "*m k j"]) -> Float[Array,
 
 def inverse3(a: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3 3"]:
     """Inverse of a 3x3 matrix by cofactors. Not finite for a singular matrix."""
+    adjugate, determinant = _cofactors(a)
+    return adjugate / determinant
+
+
+def inverse3_safe(a: Float[Array, "*n 3 3"], least: float = 1e-6) -> Float[Array, "*n 3 3"]:
+    """`inverse3` with the determinant kept at or beyond +-`least`: large but finite for a singular matrix."""
+    adjugate, determinant = _cofactors(a)
+    floor = jnp.where(determinant < 0.0, -least, least).astype(a.dtype)
+    return adjugate / jnp.where(jnp.abs(determinant) < least, floor, determinant)
+
+
+def _cofactors(a):
     rows = [a[..., i, :] for i in range(3)]
     columns = [cross(rows[1], rows[2]), cross(rows[2], rows[0]), cross(rows[0], rows[1])]
-    return jnp.stack(columns, axis=-1) / dot(rows[0], columns[0])[..., None, None]
+    return jnp.stack(columns, axis=-1), dot(rows[0], columns[0])[..., None, None]
 
 
 def solve_spd(a: Float[Array, "n n"], b: Float[Array, "n"]) -> Float[Array, "n"]:

@@ -75,7 +75,7 @@ class Walk(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """A walk sampled in time: what the joint controllers follow. Uniform samples, a fixed number a cycle, both ends."""
+    """A walk sampled in time: what the joint controllers follow. A fixed number of samples a phase, both ends included."""
 
     time: Float[Array, "t"]
     joint_pos: Float[Array, "t leg joint"]

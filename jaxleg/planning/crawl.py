@@ -68,18 +68,21 @@ def on_ground(robot: Robot, terrain: HeightMap, xy: Float[Array, "*n 2"]) -> Flo
 def _stages(robot, params, footholds, earlier):
     """Trunk poses (before the first shift, then after each), and the feet before and after each of the six phases."""
     left = jnp.zeros(4, bool).at[jnp.array(LEFT_LEGS)].set(True)[:, None]
-    before_start = jnp.where(left, earlier, footholds[0])
-    poses = [waypoint(robot, params, before_start, footholds[0], *SIDES[1])]
-    feet, starts, ends = footholds[0], [], []
+    before, after, starts, ends = [jnp.where(left, earlier, footholds[0])], [footholds[0]], [], []
+    feet = footholds[0]
     for target in footholds[1:]:
-        for standing, swinging in SIDES:
-            after = feet.at[jnp.array(swinging)].set(target[jnp.array(swinging)])
-            poses.append(waypoint(robot, params, feet, after, standing, swinging))
+        for _, swinging in SIDES:
             mid = feet.at[swinging[1]].set(target[swinging[1]])
+            landed = mid.at[swinging[0]].set(target[swinging[0]])
+            before.append(feet)
+            after.append(landed)
             starts += [feet, feet, mid]
-            ends += [feet, mid, after]
-            feet = after
-    return jnp.stack(poses), jnp.stack(starts), jnp.stack(ends)
+            ends += [feet, mid, landed]
+            feet = landed
+    sides = jnp.array(SIDES[1:] + SIDES * (footholds.shape[0] - 1))
+    pose = jax.vmap(waypoint, in_axes=(None, None, 0, 0, 0, 0))
+    poses = pose(robot, params, jnp.stack(before), jnp.stack(after), sides[:, 0], sides[:, 1])
+    return poses, jnp.stack(starts), jnp.stack(ends)
 
 
 def phase_shares(params: GaitParams) -> Float[Array, "6"]:

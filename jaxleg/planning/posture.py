@@ -6,7 +6,7 @@ Paper A, IV.C (readings A12, A16, A17). A trunk pose is (x, y, z, pitch): B's or
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jaxleg.conventions import LEG_END
 from jaxleg.dynamics import all_leg_frames, centre_of_mass
@@ -49,8 +49,8 @@ def waypoint(
     params: GaitParams,
     before: Float[Array, "leg 3"],
     after: Float[Array, "leg 3"],
-    standing: tuple[int, int],
-    swinging: tuple[int, int],
+    standing: Int[Array, "2"],
+    swinging: Int[Array, "2"],
 ) -> Float[Array, "4"]:
     """Trunk pose in which a side's two swings happen (paper A, IV.C; reading A12).
 
@@ -59,17 +59,17 @@ def waypoint(
     Fore and aft the hips' centre stands `foot_offset` ahead of that in-centre, so the feet are behind the hips by as much: A16,
     the margin lost is reported. Height: mean foot height + H_COG; pitch: with the line from hind to front feet (A17).
     """
-    (front, hind), (swing_front, swing_hind) = standing, swinging
-    centre = overlap_incentre(
-        before[front, :2], before[hind, :2], before[swing_front, :2], after[swing_hind, :2]
-    )
+    stand = before[standing, :2]
+    centre = overlap_incentre(stand[0], stand[1], before[swinging[0], :2], after[swinging[1], :2])
     feet = 0.5 * (before + after)
     pitch = _ground_pitch(feet)
     height = jnp.mean(feet[:, 2]) + params.hip_height
     pose = jnp.stack([centre[0] - params.foot_offset, centre[1], height, pitch])
-    for _ in range(2):  # the legs trail the trunk's sway by about a fifth: two passes leave under a millimetre
-        pose = pose.at[1].set(centre[1] - com_offset(robot, pose, feet)[1])
-    return pose
+
+    def centred(_, pose):
+        return pose.at[1].set(centre[1] - com_offset(robot, pose, feet)[1])
+
+    return jax.lax.fori_loop(0, 2, centred, pose)  # the legs trail the sway by a fifth: two passes leave under 1 mm
 
 
 def _ground_pitch(feet: Float[Array, "leg 3"]) -> Float[Array, ""]:

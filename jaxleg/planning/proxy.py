@@ -24,7 +24,7 @@ from jaxleg.robot import Robot
 class Proxy(NamedTuple):
     """What a walk's last cycle costs and how near it comes to its constraints."""
 
-    energy: Power  # [J]
+    energy: Power  # by joint (leg, joint) [J]
     distance: Float[Array, ""]  # [m]
     time: Float[Array, ""]  # [s]
     checks: PlanChecks
@@ -38,7 +38,7 @@ def evaluate(robot: Robot, walk: Walk, settings: CrawlSettings) -> Proxy:
     at = jax.vmap(lambda p, s: instant(robot, walk, settings, p, s))(phases, share)
     power = motor_power(robot, at.torque, at.velocity)
     seconds = weight * phases.duration
-    energy = Power(*(jnp.sum(seconds[:, None, None] * p) for p in power))
+    energy = Power(*(jnp.sum(seconds[:, None, None] * p, axis=0) for p in power))
     advance = walk.waypoints[-1, 0] - walk.waypoints[-3, 0]
     return Proxy(energy, advance, walk.cycle_time[-1], checks(robot, walk, at))
 

@@ -4,16 +4,17 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from jaxleg.conventions import GRAVITY
-from jaxleg.dynamics import Motion, centre_of_mass, torques_on_ground
-from jaxleg.gait import PHASES
-from jaxleg.kinematics import knee_bend
-from jaxleg.numerics import matvec
+from jaxleg.dynamics import Motion, all_leg_frames, centre_of_mass, torques_on_ground
+from jaxleg.gait import PHASES, SHIFT, SWING_LEG
+from jaxleg.kinematics import joint_rates, knee_bend
+from jaxleg.numerics import cross, matvec
 from jaxleg.plan import Phases, Reference, Walk
-from jaxleg.planning.crawl import CrawlSettings, phase_shares
+from jaxleg.planning.crawl import CrawlSettings
 from jaxleg.planning.posture import joint_angles, trunk_rotation
 from jaxleg.planning.trajectory import foot_path, load_weight, trunk_path
 from jaxleg.robot import Robot
@@ -35,28 +36,45 @@ class Instant(NamedTuple):
 
 
 def instant(robot: Robot, walk: Walk, settings: CrawlSettings, phase: Phases, share: Float[ArrayLike, ""]) -> Instant:
-    """The reference at a share of one phase: exact first and second time derivatives by forward differentiation."""
-    lift, load = walk.params.lift_share, settings.load_share
-
-    def configuration(time):
-        at = share + time / phase.duration
-        pose, feet = trunk_path(phase, at), foot_path(phase, at, lift, load)
-        angles, reach = joint_angles(robot, pose, feet)
-        return (angles, pose), (feet, reach)
-
-    def rate(time):
-        state, velocity, aux = jax.jvp(configuration, (time,), (jnp.ones_like(time),), has_aux=True)
-        return (state, velocity), aux
-
-    zero = jnp.zeros((), walk.footholds.dtype)
-    (state, first), (_, second), (feet, reach) = jax.jvp(rate, (zero,), (jnp.ones_like(zero),), has_aux=True)
-    (angles, pose), (velocity, pose_rate), (acceleration, pose_acceleration) = state, first, second
-    motion = Motion(angles, velocity, acceleration, *_trunk_motion(pose, pose_rate, pose_acceleration))
-    weight = load_weight(phase, share, load)
-    torque, _, frames = torques_on_ground(robot, motion, weight)
+    """The reference at a share of one phase, with exact time derivatives: of trunk and feet by forward differentiation,
+    of the joints through the legs' Jacobians."""
+    pose, pose_rate, pose_acceleration, feet, feet_rate, feet_acceleration = _derivatives(walk, settings, phase, share)
+    spin, spin_rate, felt = _trunk_motion(pose, pose_rate, pose_acceleration)
+    angles, reach = joint_angles(robot, pose, feet)
+    frames = all_leg_frames(robot, angles)
+    to_trunk = jnp.swapaxes(trunk_rotation(pose[3]), 0, 1)
+    arm = robot.hip_position + frames.foot
+    foot_v = matvec(to_trunk, feet_rate - pose_rate[:3]) - cross(jnp.broadcast_to(spin, arm.shape), arm)
+    foot_a = matvec(to_trunk, feet_acceleration - pose_acceleration[:3])
+    foot_a = foot_a - jax.vmap(_moving_frame, in_axes=(None, None, 0, 0))(spin, spin_rate, arm, foot_v)
+    velocity, acceleration = jax.vmap(joint_rates)(frames, foot_v, foot_a)
+    weight = load_weight(phase, share, settings.load_share)
+    torque, _ = torques_on_ground(robot, frames, Motion(velocity, acceleration, spin, spin_rate, felt), weight)
     com = pose[:3] + matvec(trunk_rotation(pose[3]), centre_of_mass(robot, frames))
     bend = jax.vmap(knee_bend)(robot.link_offset, angles)
     return Instant(angles, velocity, torque, pose, pose_rate, feet, weight, com, bend, reach)
+
+
+def _derivatives(walk, settings, phase, share):
+    """Trunk pose and feet in W, each with its first and second time derivative."""
+
+    def at(time):
+        now = share + time / phase.duration
+        return trunk_path(phase, now), foot_path(phase, now, walk.params.lift_share, settings.load_share)
+
+    def with_rate(time):
+        return jax.jvp(at, (time,), (jnp.ones_like(time),))
+
+    zero = jnp.zeros((), walk.footholds.dtype)
+    ((pose, feet), (pose_rate, feet_rate)), (_, (pose_acceleration, feet_acceleration)) = jax.jvp(
+        with_rate, (zero,), (jnp.ones_like(zero),)
+    )
+    return pose, pose_rate, pose_acceleration, feet, feet_rate, feet_acceleration
+
+
+def _moving_frame(spin, spin_rate, arm, velocity):
+    """Acceleration of a point that moves with `velocity` in a turning frame, beyond its own acceleration there."""
+    return cross(spin_rate, arm) + cross(spin, cross(spin, arm)) + 2.0 * cross(spin, velocity)
 
 
 def _trunk_motion(pose, rate, acceleration):
@@ -68,23 +86,30 @@ def _trunk_motion(pose, rate, acceleration):
     return spin, spin_rate, matvec(jnp.swapaxes(trunk_rotation(pose[3]), 0, 1), felt)
 
 
-def reference(robot: Robot, walk: Walk, settings: CrawlSettings, samples_per_cycle: int) -> Reference:
-    """Sample a walk uniformly, `samples_per_cycle` a cycle plus the end point."""
-    cycles = walk.cycle_time.shape[0]
-    local = jnp.arange(samples_per_cycle, dtype=walk.cycle_time.dtype) / samples_per_cycle
-    bounds = jnp.cumsum(phase_shares(walk.params))
-    phase = jnp.minimum(jnp.sum(local[:, None] >= bounds[None, :], axis=1), PHASES - 1)
-    begin = jnp.concatenate([jnp.zeros(1, bounds.dtype), bounds])[phase]
-    share = (local - begin) / phase_shares(walk.params)[phase]
-    index = (jnp.arange(cycles)[:, None] * PHASES + phase[None, :]).reshape(-1)
-    index = jnp.concatenate([index, index[-1:]])
-    share = jnp.concatenate([jnp.tile(share, cycles), jnp.ones(1, share.dtype)])
-    begin_cycle = jnp.cumsum(walk.cycle_time) - walk.cycle_time
-    time = (begin_cycle[:, None] + local * walk.cycle_time[:, None]).reshape(-1)
-    time = jnp.concatenate([time, jnp.sum(walk.cycle_time)[None]])
-    phases = jax.tree.map(lambda x: x[index], walk.phases)
+def reference(robot: Robot, walk: Walk, settings: CrawlSettings, samples: tuple[int, int]) -> Reference:
+    """Sample a walk: so many samples a body shift and a swing (the same in every one), plus the end point.
+
+    The samples keep their place in the phase whatever its duration, so none crosses a phase's border when parameters
+    change: everything that follows the reference stays differentiable in the phases' shares.
+    """
+    phase, share = phase_samples(samples, walk.cycle_time.shape[0])
+    phases = jax.tree.map(lambda x: x[phase], walk.phases)
+    share = jnp.asarray(share, walk.cycle_time.dtype)
     at = jax.vmap(lambda p, s: instant(robot, walk, settings, p, s))(phases, share)
-    return _to_reference(time, at)
+    return _to_reference(phases.start + share * phases.duration, at)
+
+
+def phase_samples(samples: tuple[int, int], cycles: int) -> tuple[np.ndarray, np.ndarray]:
+    """Phase index and share of every sample of `reference`."""
+    counts = [samples[0] if leg == SHIFT else samples[1] for leg in SWING_LEG * cycles]
+    phase = np.repeat(np.arange(PHASES * cycles), counts)
+    share = np.concatenate([np.arange(count) / count for count in counts])
+    return np.append(phase, phase[-1]), np.append(share, 1.0)
+
+
+def samples_per_cycle(samples: tuple[int, int]) -> int:
+    """Number of intervals between the samples of one cycle."""
+    return 2 * samples[0] + 4 * samples[1]
 
 
 def _to_reference(time, at: Instant) -> Reference:

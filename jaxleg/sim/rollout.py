@@ -64,19 +64,17 @@ def simulate(
     ground: Ground,
     terrain: HeightMap,
     reference: Reference,
-    cycle_time: Float[Array, "cycle"],
-    steps_per_cycle: int,
-    metered_from_cycle: int = 1,
+    steps: int,
+    metered_from: int,
 ) -> Meters:
-    """Follow a reference and meter it from a cycle on. A fallen or non-finite lane is frozen and flagged.
+    """Follow a reference with so many steps between samples; meter it from sample `metered_from` on.
 
-    `steps_per_cycle` must be a multiple of the reference's samples a cycle. Reverse mode recomputes each step, so memory
-    is one state a step.
+    A fallen or non-finite lane is frozen and flagged. Reverse mode recomputes each step, so its memory is one state a step.
     """
-    tracking = interpolate(reference, cycle_time, steps_per_cycle)
+    tracking = interpolate(reference, steps)
     start = initial_state(robot, ground, reference)
     count = tracking.dt.shape[0]
-    metered = (jnp.arange(count) >= metered_from_cycle * steps_per_cycle).astype(start.q.dtype)
+    metered = (jnp.arange(count) >= metered_from * steps).astype(start.q.dtype)
     stand = start.q[2] - jnp.mean(reference.foot_pos[0, :, 2])
 
     @jax.checkpoint
