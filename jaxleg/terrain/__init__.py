@@ -1,0 +1,1 @@
+"""Height maps, their generators, and where a foot may be placed."""

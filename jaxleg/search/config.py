@@ -1,0 +1,235 @@
+"""The configuration of a study: one TOML file, read into frozen dataclasses and checked once, here."""
+
+import dataclasses
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from jaxleg.conventions import InputError
+from jaxleg.energy import Convention
+from jaxleg.plan import GaitParams
+from jaxleg.settings import setting
+
+PARAMETERS = tuple(field.name for field in dataclasses.fields(GaitParams))
+Span = tuple[float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Gait:
+    """Gait parameters, paper A's letters in `jaxleg.plan.GaitParams`."""
+
+    hip_height: float = setting(0.48, above=0.0, max=2.0, unit="m", help="H_COG")
+    foot_offset: float = setting(0.0, min=-1.0, max=1.0, unit="m", help="L_F2H centre, feet behind the hips: negative")
+    skew: float = setting(0.0, min=-1.0, max=1.0, unit="m", help="L_Skew")
+    step_length: float = setting(0.2, above=0.0, max=2.0, unit="m", help="L_Step")
+    stance_length: float = setting(0.6, above=0.0, max=3.0, unit="m", help="L_Stance")
+    stance_width: float = setting(0.36, above=0.0, max=2.0, unit="m", help="W_Stance")
+    swing_height: float = setting(0.08, above=0.0, max=1.0, unit="m", help="apex of a swing")
+    shift_share: float = setting(0.45, above=0.0, below=1.0, help="body shift's part of a half cycle")
+    hind_share: float = setting(0.5, above=0.0, below=1.0, help="hind swing's part of the rest")
+    lift_share: float = setting(0.05, min=0.0, max=0.4, help="part of a swing, at either end, straight up or down")
+
+
+@dataclasses.dataclass(frozen=True)
+class Bounds:
+    """Lower and upper bound of each parameter that a search moves; units as in `Gait`."""
+
+    hip_height: Span = setting((0.40, 0.58), above=0.0, max=2.0, unit="m")
+    foot_offset: Span = setting((-0.20, 0.10), min=-1.0, max=1.0, unit="m")
+    skew: Span = setting((0.0, 0.20), min=-1.0, max=1.0, unit="m")
+    step_length: Span = setting((0.12, 0.30), above=0.0, max=2.0, unit="m")
+    stance_length: Span = setting((0.50, 0.80), above=0.0, max=3.0, unit="m")
+    stance_width: Span = setting((0.30, 0.50), above=0.0, max=2.0, unit="m")
+    swing_height: Span = setting((0.04, 0.12), above=0.0, max=1.0, unit="m")
+    shift_share: Span = setting((0.30, 0.60), above=0.0, below=1.0)
+    hind_share: Span = setting((0.40, 0.60), above=0.0, below=1.0)
+    lift_share: Span = setting((0.02, 0.25), min=0.0, max=0.4)
+
+
+@dataclasses.dataclass(frozen=True)
+class Stance:
+    """What sets one published parameter set (a contestant) apart; the rest of its gait is the kind's."""
+
+    hip_height: float = setting(above=0.0, max=2.0, unit="m")
+    foot_offset: float = setting(min=-1.0, max=1.0, unit="m")
+    skew: float = setting(min=-1.0, max=1.0, unit="m")
+    step_length: float = setting(0.2, above=0.0, max=2.0, unit="m")
+
+
+@dataclasses.dataclass(frozen=True)
+class Contestants:
+    """Parameter sets to compare with: two readings of the paper's "traditional" (A15) and the paper's own."""
+
+    traditional: Stance = setting(Stance(0.48, 0.0, 0.0))
+    implied: Stance = setting(Stance(0.47, -0.10, 0.10))
+    paper: Stance = setting(Stance(0.50, -0.10, 0.10))
+
+
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    """One kind of terrain, and what every contestant has in common on it."""
+
+    generator: str = setting("flat", choices=("flat", "rough", "stairs"), help="terrain generator")
+    least_knee_bend_deg: float = setting(20.0, min=0.0, max=120.0, unit="deg", help="binds every contestant")
+    rise: float = setting(0.08, min=0.0, max=0.5, unit="m", help="stairs: height of a step at difficulty 1")
+    run: float = setting(0.30, above=0.05, max=5.0, unit="m", help="stairs: depth of a tread")
+    amplitude: float = setting(0.05, min=0.0, max=1.0, unit="m", help="rough: amplitude at difficulty 1")
+    correlation_length: float = setting(0.25, above=0.02, max=10.0, unit="m", help="rough: size of its features")
+    difficulty: Span = setting((1.0, 1.0), min=0.0, max=1.0, help="range over the terrains")
+    gait: Gait = setting(Gait(), help="shared gait parameters")
+
+
+@dataclasses.dataclass(frozen=True)
+class Terrains:
+    """How many terrains, and how large their maps are."""
+
+    train: int = setting(264, min=1, help="training terrains, over all kinds")
+    held_out: int = setting(96, min=1, help="held-out terrains, over all kinds")
+    cells: tuple[int, int] = setting((112, 52), min=8, max=4096, help="map size along x and y")
+    resolution: float = setting(0.02, min=0.005, max=0.2, unit="m", help="size of a cell")
+    slope_limit_deg: float = setting(35.0, above=0.0, below=90.0, unit="deg", help="steepest valid foothold")
+    edge_height: float = setting(0.03, above=0.0, max=1.0, unit="m", help="a jump between cells that counts as an edge")
+
+
+@dataclasses.dataclass(frozen=True)
+class Rectangle:
+    """Foothold search (paper A, IV.B)."""
+
+    search_length: float = setting(0.30, above=0.0, max=2.0, unit="m", help="L_Search")
+    search_width: float = setting(0.08, above=0.0, max=2.0, unit="m", help="W_Search")
+    longer: float = setting(0.08, min=0.0, max=2.0, unit="m", help="added to the length in the second run")
+    nominal_weight: float = setting(0.5, min=0.0, max=1.0, help="w1 of the feasible score; w2 = 1 - w1")
+
+
+@dataclasses.dataclass(frozen=True)
+class Search:
+    """The descent on the proxy, the ranking and the polish in simulation."""
+
+    starts: int = setting(4, min=1, help="random starts of each of the three searches")
+    lanes: int = setting(8, min=1, help="terrains a start sees in one step")
+    steps: int = setting(40, min=1, help="steps of the descent")
+    learning_rate: float = setting(0.15, above=0.0, max=10.0)
+    candidates: int = setting(2, min=1, help="best starts that are ranked in simulation")
+    rank_lanes: int = setting(16, min=1, help="terrains for the ranking")
+    polish_steps: int = setting(2, min=0, max=5, help="gradients in simulation")
+    polish_lanes: int = setting(16, min=1, max=32, help="terrains a gradient in simulation sees")
+    polish_rate: float = setting(0.1, above=0.0, max=10.0, help="length of a polishing step")
+    margin_reserve: float = setting(0.003, min=0.0, max=0.1, unit="m", help="stability margin kept above the baseline's")
+    proxy_gaits: int = setting(32, min=4, help="random gaits on which proxy and simulation are compared")
+    referee_terrains: int = setting(24, min=0, help="held-out terrains replayed in C MuJoCo")
+    resamples: int = setting(2000, min=100, help="bootstrap resamples")
+
+
+@dataclasses.dataclass(frozen=True)
+class Simulation:
+    """Resolution of plan and rollout. Each walk has a warm-up cycle and a metered one."""
+
+    shift_samples: int = setting(60, min=8, max=1000, help="reference samples a body shift")
+    swing_samples: int = setting(50, min=8, max=1000, help="reference samples a swing")
+    steps: int = setting(4, min=1, max=100, help="simulation steps between samples")
+    load_share: float = setting(0.1, min=0.02, max=0.3, help="part of a swing phase, at either end, for load transfer")
+    clearance: float = setting(0.02, min=0.0, max=0.2, unit="m", help="foot over the ground in mid-swing")
+    friction: float = setting(0.8, min=0.1, max=2.0)
+    chunk: int = setting(32, min=1, max=4096, help="lanes that are simulated at once")
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """A search for energy-saving planner parameters: `jaxleg search CONFIG`."""
+
+    kinds: dict[str, Kind] = setting(help="terrain kinds by name")
+    robot: str = setting("robots/pegasus.toml", help="robot file, relative to the config file")
+    seed: int = setting(0, min=0)
+    speed: float = setting(0.05, above=0.0, max=1.0, unit="m/s", help="forward speed, the same for all")
+    power: Convention = setting("positive", help="power convention that the search minimises")
+    one_for_all: bool = setting(False, help="one parameter set for all kinds of terrain, not one each")
+    contestants: Contestants = setting(Contestants())
+    bounds: Bounds = setting(Bounds(), help="of the search `best` that moves everything")
+    band: Span = setting((0.48, 0.52), above=0.0, max=2.0, unit="m", help="H_COG of the search `best_i`")
+    terrains: Terrains = setting(Terrains())
+    rectangle: Rectangle = setting(Rectangle())
+    search: Search = setting(Search())
+    simulation: Simulation = setting(Simulation())
+
+
+MOVED: dict[str, tuple[str, ...]] = {
+    "best_i": ("hip_height", "foot_offset", "skew"),  # inside the paper's band: H 0.48-0.52, its step
+    "best_ii": ("hip_height", "foot_offset", "skew"),
+    "best": PARAMETERS,
+}
+Stage = Literal["best_i", "best_ii", "best"]
+BASELINES = tuple(field.name for field in dataclasses.fields(Contestants))
+
+
+def baseline(study: Study, kind: str, name: str) -> np.ndarray:
+    """Parameter vector (in the order of `PARAMETERS`) of a published contestant on a kind of terrain."""
+    gait = dataclasses.asdict(study.kinds[kind].gait) | dataclasses.asdict(getattr(study.contestants, name))
+    return np.array([gait[parameter] for parameter in PARAMETERS])
+
+
+def bounds(study: Study, kind: str, stage: str) -> np.ndarray:
+    """Bounds (parameter, 2) of a search; what it does not move has both at the kind's (or the paper's step's) value."""
+    fixed = baseline(study, kind, "paper")
+    spans = dataclasses.asdict(study.bounds)
+    if stage == "best_i":
+        spans["hip_height"] = study.band
+    rows = [spans[p] if p in MOVED[stage] else (value, value) for p, value in zip(PARAMETERS, fixed)]
+    return np.array(rows)
+
+
+def check_study(study: Study, source: str, leg_length: float, thigh: float) -> None:
+    """Raise `InputError` for what no single key shows: no kinds, too few terrains, bounds no gait can meet."""
+    if not study.kinds:
+        raise InputError(f"{source}: kinds is empty, but at least one table [kinds.NAME] is needed")
+    for key in ("train", "held_out"):
+        if getattr(study.terrains, key) < len(study.kinds):
+            raise InputError(
+                f"{source}: terrains.{key} is {getattr(study.terrains, key)}, but must be at least"
+                f" {len(study.kinds)}, one for each of kinds"
+            )
+    for name, span in (*dataclasses.asdict(study.bounds).items(), ("band", study.band)):
+        if span[0] > span[1]:
+            where = name if name == "band" else f"bounds.{name}"
+            raise InputError(f"{source}: {where} is {list(span)}, but its lower end must not exceed its upper end")
+    for name, kind in study.kinds.items():
+        if kind.difficulty[0] > kind.difficulty[1]:
+            raise InputError(
+                f"{source}: kinds.{name}.difficulty is {list(kind.difficulty)}, but its lower end must not exceed its"
+                " upper end"
+            )
+    _check_reach(study, source, leg_length, thigh)
+
+
+def _check_reach(study: Study, source: str, leg: float, thigh: float) -> None:
+    """Paper A's constraints (5)-(7) and H_COG > L2 at the corner of the bounds that is easiest to meet."""
+    for key, low, high, step in (
+        ("bounds.hip_height", *study.bounds.hip_height, study.bounds.step_length),
+        ("band", *study.band, (study.contestants.paper.step_length,) * 2),
+    ):
+        half = np.sqrt(max(leg**2 - low**2, 0.0))
+        search = study.rectangle.search_length
+        if high <= thigh:
+            raise InputError(f"{source}: {key} is {[low, high]}, but H_COG > L2 (the knee's clearance) asks for more than {thigh:g}")
+        if low >= leg:
+            raise InputError(f"{source}: {key} is {[low, high]}, but the leg's length {leg:g} must exceed its lower end")
+        if step[0] >= half:
+            raise InputError(
+                f"{source}: the step length of at least {step[0]:g} and {key} {[low, high]} exclude each other:"
+                f" constraint (6), L_Step < sqrt(L_Leg^2 - H_COG^2), allows less than {half:.3f}"
+            )
+        if search >= 2.0 * step[1]:
+            raise InputError(
+                f"{source}: rectangle.search_length is {search:g}, but constraint (5), L_Search < 2 L_Step, allows less than"
+                f" {2.0 * step[1]:g}"
+            )
+        if search >= 2.0 * half - 0.5 * step[0]:
+            raise InputError(
+                f"{source}: rectangle.search_length is {search:g}, but constraint (7), L_Search < 2 sqrt(L_Leg^2 - H_COG^2)"
+                f" - L_Step/2, allows less than {2.0 * half - 0.5 * step[0]:.3f} at {key} {[low, high]}"
+            )
+
+
+def robot_path(study: Study, source: str | Path) -> Path:
+    """The robot file named in a study, relative to the config file it was read from."""
+    return Path(source).parent / study.robot

@@ -1,0 +1,190 @@
+"""What a search evaluates, one lane at a time: the proxy, the simulation, and how far each constraint is from binding.
+
+A lane is a parameter vector (the order of `PARAMETERS`) on one terrain. `Lab` holds what all lanes share and offers the
+batched, compiled functions; it cuts batches into chunks of one size, so each function compiles once.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxleg.energy import CONVENTIONS, Convention, electrical
+from jaxleg.kinematics import knee_bend
+from jaxleg.plan import GaitParams, PlanChecks
+from jaxleg.planning.crawl import CrawlSettings
+from jaxleg.planning.footholds import SearchRectangle
+from jaxleg.planning.planner import Choice, Site, choose_footholds, crawl
+from jaxleg.planning.proxy import evaluate
+from jaxleg.planning.reference import reference, samples_per_cycle
+from jaxleg.robot import Robot
+from jaxleg.sim.contact import Ground
+from jaxleg.sim.engine import Engine, mjx_engine
+from jaxleg.sim.rollout import Meters, simulate
+from jaxleg.stance import gait_constraints
+
+CYCLES = 2  # a warm-up cycle, then the metered one
+CONSTRAINTS = ("knee_bend", "margin", "torque", "search_behind", "step_reach", "search_reach", "knee_clear")
+SCALES = np.array([np.deg2rad(1.0), 0.01, 0.05, 0.01, 0.01, 0.01, 0.01])  # what counts as one unit of violation
+
+
+class Setting(NamedTuple):
+    """What a lane is judged by besides its parameters."""
+
+    least_bend: Float[Array, ""]  # least knee bend [rad]
+    margin: Float[Array, ""]  # least stability margin [m]
+    energy: Float[Array, ""]  # energy per metre that counts as 1 [J/m]
+
+
+class Score(NamedTuple):
+    """A lane's judgement by proxy or simulation."""
+
+    objective: Float[Array, ""]  # energy per metre over `Setting.energy`, plus penalties
+    energy: Float[Array, "3"]  # energy per metre by convention [J/m]
+    slack: Float[Array, "constraint"]  # distance to each constraint, negative = violated, in its unit
+    checks: PlanChecks
+
+
+def to_params(vector: Float[Array, "parameter"]) -> GaitParams:
+    """Gait parameters from a vector in the order of `PARAMETERS`."""
+    return GaitParams(*(vector[i] for i in range(vector.shape[0])))
+
+
+def penalty(slack: Float[Array, "constraint"]) -> Float[Array, ""]:
+    """Quadratic penalty of violated constraints: one unit of `SCALES` costs as much as the whole baseline's energy."""
+    return jnp.sum((jax.nn.relu(-slack) / jnp.asarray(SCALES, slack.dtype)) ** 2)
+
+
+@dataclasses.dataclass(frozen=True)
+class Lab:
+    """The robot, the engine and the numbers that all lanes of a study share."""
+
+    robot: Robot
+    rectangle: SearchRectangle
+    ground: Ground
+    speed: float
+    clearance: float
+    load_share: float
+    cells: tuple[int, int]  # half extents of the foothold lattice
+    samples: tuple[int, int]
+    steps: int
+    chunk: int
+    convention: Convention
+
+    @functools.cached_property
+    def engine(self) -> Engine:
+        """MJX, built on first use."""
+        return mjx_engine(self.robot)
+
+    def settings(self, least_bend: Float[Array, ""]) -> CrawlSettings:
+        """Planner settings at a least knee bend [rad]."""
+        numbers = (jnp.asarray(x, least_bend.dtype) for x in (self.speed, self.clearance, self.load_share))
+        speed, clearance, load_share = numbers
+        return CrawlSettings(speed, least_bend, clearance, load_share)
+
+    def walk(self, params: GaitParams, site: Site, choice: Choice, least_bend: Float[Array, ""]):
+        """The walk of one lane with its footholds chosen."""
+        return crawl(self.robot, params, self.settings(least_bend), site.terrain, choice.offset, choice.status)
+
+    def choose(self, vector: Float[Array, "parameter"], site: Site) -> Choice:
+        """The footholds of one lane; no gradient."""
+        params = to_params(jax.lax.stop_gradient(vector))
+        return choose_footholds(params, self.rectangle, site, self.cells, CYCLES)
+
+    def proxy(self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting) -> Score:
+        """Judge one lane by the energy proxy of its last cycle."""
+        params = to_params(vector)
+        seen = evaluate(self.robot, self.walk(params, site, choice, setting.least_bend), self.settings(setting.least_bend))
+        energy = _per_metre(seen.energy, seen.distance)
+        slack = self.slack(params, seen.checks, setting)
+        lowered = 0.1 * seen.checks.lowering**2  # among equals, the height that needs no lowering
+        objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(slack) + lowered
+        return Score(objective, energy, slack, seen.checks)
+
+    def slack(self, params: GaitParams, checks: PlanChecks, setting: Setting) -> Float[Array, "constraint"]:
+        """Distance to each of `CONSTRAINTS`: radians, metres, share of the torque limit."""
+        height = params.hip_height - checks.lowering
+        gait = gait_constraints(self.robot, height, params.step_length, self.rectangle.length)
+        first = (checks.knee_bend - setting.least_bend, checks.margin - setting.margin, 1.0 - checks.torque_ratio)
+        return jnp.stack([*first, gait.search_behind, gait.step_reach, gait.search_reach, gait.knee_clear])
+
+    def simulated(
+        self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting
+    ) -> tuple[Float[Array, ""], tuple[Score, Meters]]:
+        """Judge one lane by MJX; the constraints are those of the plan. Differentiable in `vector`."""
+        params, settings = to_params(vector), self.settings(setting.least_bend)
+        walk = self.walk(params, site, choice, setting.least_bend)
+        track = reference(self.robot, walk, settings, self.samples)
+        metered = (CYCLES - 1) * samples_per_cycle(self.samples)
+        meters = simulate(self.engine, self.robot, self.ground, site.terrain, track, self.steps, metered)
+        energy = _per_metre(meters.energy, meters.distance)
+        bend = jnp.min(jax.vmap(jax.vmap(knee_bend), in_axes=(None, 0))(self.robot.link_offset, track.joint_pos))
+        checks = evaluate(self.robot, walk, settings).checks._replace(knee_bend=bend)
+        slack = self.slack(params, checks, setting)
+        objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(slack)
+        return objective, (Score(objective, energy, slack, checks), meters)
+
+    @functools.cached_property
+    def proxy_lanes(self) -> Callable[..., Score]:
+        """Batched `proxy` with the cascade's choice: (vectors, sites, settings) -> scores."""
+        return self._batched(lambda v, site, setting: self.proxy(v, site, self.choose(v, site), setting))
+
+    @functools.cached_property
+    def proxy_gradients(self) -> Callable[..., tuple[Score, Array]]:
+        """Batched gradient of the proxy's objective in the parameters, the footholds held: (scores, gradients)."""
+
+        def lane(vector, site, setting):
+            choice = self.choose(vector, site)
+
+            def value(x):
+                score = self.proxy(x, site, choice, setting)
+                return score.objective, score
+
+            gradient, score = jax.grad(value, has_aux=True)(vector)
+            return score, gradient
+
+        return self._batched(lane)
+
+    @functools.cached_property
+    def simulate_lanes(self) -> Callable[..., tuple[Score, Meters]]:
+        """Batched `simulated`: (vectors, sites, settings) -> (scores, meters)."""
+        return self._batched(lambda v, site, setting: self.simulated(v, site, self.choose(v, site), setting)[1])
+
+    @functools.cached_property
+    def simulate_gradients(self) -> Callable[..., tuple[Score, Meters, Array]]:
+        """Batched gradient of the simulated objective, reverse mode through the rollout, the footholds held."""
+
+        def lane(vector, site, setting):
+            choice = self.choose(vector, site)
+            gradient, (score, meters) = jax.grad(self.simulated, has_aux=True)(vector, site, choice, setting)
+            return score, meters, gradient
+
+        return self._batched(lane)
+
+    def _batched(self, lane: Callable[..., Any]) -> Callable[..., Any]:
+        compiled = jax.jit(jax.vmap(lane))
+        return functools.partial(in_chunks, compiled, self.chunk)
+
+
+def in_chunks(function: Callable[..., Any], chunk: int, *batched: Any) -> Any:
+    """Call a compiled batch function on chunks of one size (the last one padded by its last lane) and join the results.
+
+    Results are NumPy arrays: memory is that of one chunk, whatever the number of lanes.
+    """
+    count = jax.tree.leaves(batched)[0].shape[0]
+    parts = []
+    for start in range(0, count, chunk):
+        index = np.minimum(np.arange(start, start + chunk), count - 1)
+        part = function(*jax.tree.map(lambda x: jnp.asarray(x)[index], batched))
+        parts.append(jax.tree.map(lambda x: np.asarray(x)[: count - start], part))
+    return jax.tree.map(lambda *x: np.concatenate(x), *parts)
+
+
+def _per_metre(energy, distance):
+    total = jax.tree.map(jnp.sum, energy)
+    return jnp.stack([electrical(total, convention) for convention in CONVENTIONS]) / distance

@@ -1,0 +1,104 @@
+"""Terrain generators: flat ground, stairs, rough ground. Jittable; one key makes one terrain."""
+
+import dataclasses
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from jaxleg.terrain.heightmap import HeightMap
+
+WAVES = 64  # plane waves in a rough surface
+
+
+@dataclasses.dataclass(frozen=True)
+class Grid:
+    """Size and place of a map; static."""
+
+    nx: int
+    ny: int
+    resolution: float  # [m per cell]
+    origin: tuple[float, float]  # world xy of the centre of cell [0, 0] [m]
+
+    def points(self) -> Float[Array, "nx ny 2"]:
+        """World xy of every cell's centre [m]."""
+        x = self.origin[0] + self.resolution * jnp.arange(self.nx)
+        y = self.origin[1] + self.resolution * jnp.arange(self.ny)
+        return jnp.stack(jnp.meshgrid(x, y, indexing="ij"), axis=-1).astype(float)
+
+    def map(self, elevation: Float[Array, "nx ny"]) -> HeightMap:
+        """A `HeightMap` of this grid."""
+        return HeightMap(elevation, jnp.array(self.origin, elevation.dtype), jnp.array(self.resolution, elevation.dtype))
+
+
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class TerrainSettings:
+    """What the generators make at difficulty 1; every field a leaf."""
+
+    rise: Float[ArrayLike, "*batch"] = 0.08  # stairs: height of a step [m]
+    run: Float[ArrayLike, "*batch"] = 0.30  # stairs: depth of a tread [m]
+    heading: Float[ArrayLike, "*batch"] = 0.0  # stairs: direction of ascent in W [rad]
+    amplitude: Float[ArrayLike, "*batch"] = 0.05  # rough: two standard deviations [m]
+    correlation_length: Float[ArrayLike, "*batch"] = 0.25  # rough: see `rough` [m]
+
+
+def flat(grid: Grid) -> HeightMap:
+    """Level ground at height 0."""
+    return grid.map(jnp.zeros((grid.nx, grid.ny), float))
+
+
+def stairs(
+    grid: Grid,
+    rise: Float[ArrayLike, ""],
+    run: Float[ArrayLike, ""],
+    offset: Float[ArrayLike, ""] = 0.0,
+    heading: Float[ArrayLike, ""] = 0.0,
+) -> HeightMap:
+    """Endless stairs up along `heading` [rad]: height = rise * floor((s - offset) / run), s the way along the heading [m]."""
+    points = grid.points()
+    along = points[..., 0] * jnp.cos(heading) + points[..., 1] * jnp.sin(heading)
+    return grid.map(rise * jnp.floor((along - offset) / run))
+
+
+def rough(
+    grid: Grid, key: Array, amplitude: Float[ArrayLike, ""], correlation_length: Float[ArrayLike, ""]
+) -> HeightMap:
+    """Random ground: a sum of `WAVES` plane waves of random direction and phase, standard deviation amplitude / 2 [m].
+
+    The wave vectors are normal with standard deviation 1 / correlation_length [rad/m], cut at 2.5 of them, so the
+    autocorrelation is about exp(-r^2 / (2 correlation_length^2)). The ground at a point does not depend on the grid.
+    """
+    key_wave, key_phase = jax.random.split(key)
+    waves = jax.random.truncated_normal(key_wave, -2.5, 2.5, (WAVES, 2), float) / correlation_length
+    phases = jax.random.uniform(key_phase, (WAVES,), float, 0.0, 2.0 * jnp.pi)
+    angle = jnp.tensordot(grid.points(), waves, axes=([2], [1])) + phases
+    return grid.map(0.5 * amplitude * jnp.sqrt(2.0 / WAVES) * jnp.sum(jnp.cos(angle), axis=-1))
+
+
+def _flat(grid, key, difficulty, settings):
+    del key, difficulty, settings
+    return flat(grid)
+
+
+def _stairs(grid, key, difficulty, settings):
+    offset = jax.random.uniform(key, (), float, 0.0, settings.run)
+    return stairs(grid, difficulty * settings.rise, settings.run, offset, settings.heading)
+
+
+def _rough(grid, key, difficulty, settings):
+    return rough(grid, key, difficulty * settings.amplitude, settings.correlation_length)
+
+
+# To add a kind of terrain, add its generator (grid, key, difficulty in [0, 1], settings) -> HeightMap here.
+KINDS: dict[str, Callable[..., HeightMap]] = {"flat": _flat, "rough": _rough, "stairs": _stairs}
+
+
+def terrain_batch(
+    kind: str, grid: Grid, key: Array, first: int, difficulties: Float[Array, "n"], settings: TerrainSettings
+) -> HeightMap:
+    """Terrains number first, first + 1, ...: each depends on the key, its own number and its difficulty only."""
+    keys = jax.vmap(lambda n: jax.random.fold_in(key, n))(first + jnp.arange(difficulties.shape[0]))
+    return jax.vmap(lambda k, d: KINDS[kind](grid, k, d, settings))(keys, difficulties)
