@@ -39,7 +39,8 @@ class Robot:
     torque_limit: Float[Array, "*batch leg joint"]  # [N m]
     stiffness: Float[Array, "*batch leg joint"]  # position gain kp of the joint controller [N m/rad]
     velocity_gain: Float[Array, "*batch leg joint"]  # kd [N m s/rad]
-    foot_radius: Float[Array, "*batch"]  # the foot is a sphere about the end of the shank [m]
+    foot_radius: Float[Array, "*batch"]  # disc that the foot needs on the ground [m]
+    contact_radius: Float[Array, "*batch"]  # the foot touches as a sphere of this radius about the end of the shank [m]
     trunk_size: Float[Array, "*batch xyz"]  # length, width, height of the trunk's box about B's origin [m]
     torque_constant: Float[Array, "*batch"]  # K_t of the motor [N m/A]
     resistance: Float[Array, "*batch"]  # R of a winding [Ohm]
@@ -62,6 +63,7 @@ class Geometry:
     thigh: float = setting(above=0.0)
     shank: float = setting(above=0.0)
     foot_radius: float = setting(above=0.0, max=0.1)
+    contact_radius: float = setting(above=0.0, max=0.1)
     trunk_size: tuple[float, float, float] = setting()
     knees: str = setting("backward", choices=("backward", "forward"))
 
@@ -143,6 +145,7 @@ def build_robot(file: RobotFile) -> Robot:
         stiffness=joints * motor.stiffness,
         velocity_gain=joints * motor.velocity_gain,
         foot_radius=geometry.foot_radius,
+        contact_radius=geometry.contact_radius,
         trunk_size=geometry.trunk_size,
         torque_constant=motor.torque_constant,
         resistance=motor.resistance,

@@ -57,12 +57,12 @@ def crawl(
 
 
 def on_ground(robot: Robot, terrain: HeightMap, xy: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
-    """Foot centres [m] that rest on the ground at xy: the foot's sphere touches the tangent plane there."""
+    """Foot centres [m] that rest on the ground at xy: the contact sphere touches the tangent plane there."""
     sample = height_and_gradient
     for _ in xy.shape[:-1]:
         sample = jax.vmap(sample, in_axes=(None, 0))
     ground, slope = sample(terrain, xy)
-    return jnp.concatenate([xy, (ground + robot.foot_radius * jnp.sqrt(1.0 + jnp.sum(slope**2, -1)))[..., None]], -1)
+    return jnp.concatenate([xy, (ground + robot.contact_radius * jnp.sqrt(1.0 + jnp.sum(slope**2, -1)))[..., None]], -1)
 
 
 def _stages(robot, params, footholds, earlier):
@@ -119,7 +119,7 @@ def _apex(robot, params, settings, terrain, start, end):
     ground = jnp.max(jax.vmap(jax.vmap(height, in_axes=(None, 0)), in_axes=(None, 0))(terrain, disc), axis=1)
     base = jnp.where(shares < 0.5, start[2], end[2])
     lift = cycloid_lift(shares)
-    top = base + (ground + robot.foot_radius + settings.clearance * lift - base) / lift
+    top = base + (ground + robot.contact_radius + settings.clearance * lift - base) / lift
     return jnp.maximum(jnp.max(top) - jnp.maximum(start[2], end[2]), params.swing_height)
 
 

@@ -42,7 +42,7 @@ def _leg(body, robot, leg, name, feet_contact):
     end = _text(robot.link_offset[leg, 2])
     xml.SubElement(body, "site", name=f"{name}_foot", pos=end)
     collide = {"contype": "1", "conaffinity": "1"} if feet_contact else {}
-    _geom(body, name=f"{name}_foot", type="sphere", size=_text(robot.foot_radius), pos=end, **collide)
+    _geom(body, name=f"{name}_foot", type="sphere", size=_text(robot.contact_radius), pos=end, **collide)
 
 
 def _inertial(body, mass, place, moments):

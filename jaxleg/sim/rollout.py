@@ -112,7 +112,7 @@ def step(
     gain = jnp.where(jnp.abs(wanted) < robot.torque_limit, robot.velocity_gain, 0.0)
     foot_v = matvec(terms.foot_by_trunk, trunk_v) + matvec(terms.foot_by_leg, leg_v)
     touch = jax.vmap(foot_contact, in_axes=(None, None, None, 0, 0, None))
-    contact = touch(ground, terrain, robot.foot_radius, terms.foot, foot_v, dt)
+    contact = touch(ground, terrain, robot.contact_radius, terms.foot, foot_v, dt)
     force = contact.force - matvec(contact.resistance, foot_v)
     load = torque - robot.joint_damping * leg_v
     trunk_dv, leg_dv = _solve(terms, contact.resistance, robot.joint_damping + gain, force, load, dt)

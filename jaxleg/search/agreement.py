@@ -1,0 +1,75 @@
+"""Does the proxy tell the truth? Proxy against simulation over random feasible gaits: order, gradients, bias."""
+
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Array
+
+from jaxleg.energy import CONVENTIONS
+from jaxleg.plan import PlanStatus
+from jaxleg.search.descent import Lanes
+from jaxleg.search.lanes import Lab
+
+LEAST_MARGIN = 0.02  # static walking needs some stability margin [m]
+
+
+class Agreement(NamedTuple):
+    """Energies per metre [J/m] and gradients (scaled by the parameters' ranges) of the same lanes, both ways."""
+
+    proxy: np.ndarray
+    simulated: np.ndarray
+    proxy_gradient: np.ndarray
+    simulated_gradient: np.ndarray
+    usable: np.ndarray
+
+
+def random_gaits(lab: Lab, key: Array, lanes: Lanes, bounds: np.ndarray, count: int, tries: int = 20) -> tuple[np.ndarray, Lanes]:
+    """Gaits uniform in the bounds that are feasible on their terrain: planned, knee bend kept, some margin, torque in limits."""
+    vectors = np.array(jax.random.uniform(key, (count * tries, bounds.shape[0]), minval=bounds[:, 0], maxval=bounds[:, 1]))
+    index = np.arange(len(vectors)) % lanes.count
+    found: list[int] = []
+    block = lab.chunk * 2
+    for start in range(0, len(vectors), block):
+        part = np.arange(start, min(start + block, len(vectors)))
+        some = lanes.take(index[part])
+        checks = lab.proxy_lanes(vectors[part], some.site, some.setting).checks
+        ok = (checks.status == PlanStatus.OK) & (checks.margin > LEAST_MARGIN) & (checks.torque_ratio < 1.0)
+        ok &= checks.lowering == 0.0
+        found += list(part[ok])
+        if len(found) >= count:
+            break
+    chosen = np.array(found[:count])
+    return vectors[chosen], lanes.take(index[chosen])
+
+
+def compare(lab: Lab, vectors: np.ndarray, lanes: Lanes, bounds: np.ndarray) -> Agreement:
+    """Energy and gradient of each lane by the proxy and by simulation. The lanes' margin floor must be out of reach, so
+    that the objective is energy alone."""
+    width = bounds[:, 1] - bounds[:, 0]
+    score, gradient = lab.proxy_gradients(vectors, lanes.site, lanes.setting)
+    simulated, meters, simulated_gradient = lab.simulate_gradients(vectors, lanes.site, lanes.setting)
+    convention = CONVENTIONS.index(lab.convention)
+    usable = ~meters.fell & np.isfinite(simulated_gradient).all(axis=1)
+    energies = score.energy[:, convention], simulated.energy[:, convention]
+    return Agreement(*energies, gradient * width, simulated_gradient * width, usable)
+
+
+def agreement(data: Agreement) -> dict[str, Any]:
+    """Spearman's rank correlation, median and 10th percentile of the gradients' cosine, mean relative bias."""
+    on = data.usable
+    proxy, simulated = data.proxy[on], data.simulated[on]
+    ours, theirs = data.proxy_gradient[on], data.simulated_gradient[on]
+    cosine = np.sum(ours * theirs, axis=1) / (np.linalg.norm(ours, axis=1) * np.linalg.norm(theirs, axis=1))
+    return {
+        "gaits": int(on.sum()),
+        "falls": int((~on).sum()),
+        "spearman": float(np.corrcoef(_ranks(proxy), _ranks(simulated))[0, 1]),
+        "gradient_cosine": float(np.median(cosine)),
+        "gradient_cosine_p10": float(np.percentile(cosine, 10)),
+        "bias": float(np.mean(proxy / simulated - 1.0)),
+    }
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    return np.argsort(np.argsort(values)).astype(float)

@@ -1,0 +1,140 @@
+"""Contestants on the same held-out terrains: paired savings with bootstrap intervals, and what each costs."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxleg.energy import CONVENTIONS
+from jaxleg.plan import PlanStatus
+from jaxleg.search.config import PARAMETERS
+from jaxleg.search.lanes import CONSTRAINTS, Score
+from jaxleg.sim.rollout import Meters
+
+BEND_SLACK = np.deg2rad(0.2)  # a knee bend counts as kept down to this much under the least one
+ACTIVE = dict(zip(CONSTRAINTS, (np.deg2rad(0.5), 0.005, 0.05, 0.01, 0.01, 0.01, 0.005)))  # slack that counts as binding
+
+
+class Contest(NamedTuple):
+    """What a set of contestants did on the lanes of a kind; arrays (contestant, lane)."""
+
+    energy: np.ndarray  # by convention, last axis [J/m]
+    distance: np.ndarray  # [m]
+    time: np.ndarray  # [s]
+    slip: np.ndarray  # mean of the feet [m]
+    margin: np.ndarray  # least stability margin in simulation [m]
+    bend: np.ndarray  # least knee bend [rad]
+    lowering: np.ndarray  # [m]
+    fell: np.ndarray
+    infeasible: np.ndarray  # not plannable, or the knee bend not kept
+    slack: np.ndarray  # by constraint, last axis
+
+    @property
+    def usable(self) -> np.ndarray:
+        """Lanes that count: planned within the constraints and walked without a fall."""
+        return ~(self.fell | self.infeasible) & np.isfinite(self.energy).all(axis=-1)
+
+
+def contest(score: Score, meters: Meters, least_bend: np.ndarray, contestants: int) -> Contest:
+    """Arrange flat lanes (contestant by contestant) for comparison."""
+    short = score.checks.knee_bend < least_bend - BEND_SLACK
+    fields = Contest(
+        energy=score.energy,
+        distance=meters.distance,
+        time=meters.time,
+        slip=meters.slip.mean(axis=-1),
+        margin=meters.margin,
+        bend=score.checks.knee_bend,
+        lowering=score.checks.lowering,
+        fell=meters.fell,
+        infeasible=(score.checks.status != PlanStatus.OK) | short,
+        slack=score.slack,
+    )
+    return Contest(*(x.reshape(contestants, -1, *x.shape[1:]) for x in fields))
+
+
+def bootstrap(values: np.ndarray, statistic, resamples: int, seed: int) -> dict[str, Any]:
+    """Mean and 95 % interval of a statistic of lanes (leading axis) over resampled lanes; nulls when there is none."""
+    if not len(values):
+        return {"mean": None, "ci95": None}
+    index = np.random.default_rng(seed).integers(0, len(values), (resamples, len(values)))
+    spread = np.array([statistic(values[i]) for i in index])
+    return {"mean": float(statistic(values)), "ci95": [float(x) for x in np.percentile(spread, [2.5, 97.5])]}
+
+
+def saving(ours: np.ndarray, base: np.ndarray, resamples: int, seed: int) -> dict[str, Any]:
+    """Saving 1 - mean(ours) / mean(base) of paired energies [J/m] at equal speed, with its interval."""
+    return bootstrap(np.stack([ours, base], axis=-1), _saving, resamples, seed)
+
+
+def _saving(pairs: np.ndarray) -> float:
+    ours, base = pairs.mean(axis=0)
+    return 1.0 - ours / base
+
+
+def savings(
+    held: Contest, names: Sequence[str], against: str, resamples: int, seed: int
+) -> dict[str, dict[str, dict[str, Any]]]:
+    """Savings of the searched contestants against one other, by contestant and convention; pairs where both are usable."""
+    base = names.index(against)
+    table: dict[str, Any] = {}
+    for i, name in enumerate(names):
+        if name.startswith("best"):
+            both = held.usable[i] & held.usable[base]
+            table[name] = {
+                convention: saving(held.energy[i, both, c], held.energy[base, both, c], resamples, seed)
+                for c, convention in enumerate(CONVENTIONS)
+            }
+    return table
+
+
+def summary(held: Contest, i: int, vector: np.ndarray, power: str, mass: float, resamples: int, seed: int) -> dict[str, Any]:
+    """One contestant on one kind of terrain, for `result.json`."""
+    on = held.usable[i]
+    energy = {
+        convention: bootstrap(held.energy[i, on, c], np.mean, resamples, seed) for c, convention in enumerate(CONVENTIONS)
+    }
+    speed = _mean(held.distance[i, on] / held.time[i, on])
+    mean = energy[power]["mean"]
+    return {
+        "params": dict(zip(PARAMETERS, map(float, vector))),
+        "energy_per_metre": energy,
+        "cost_of_transport": None if mean is None else mean / (mass * 9.81),
+        "mean_power_w": None if mean is None else mean * speed,
+        "speed": speed,
+        "lanes": int(on.size),
+        "falls": int((held.fell[i] & ~held.infeasible[i]).sum()),
+        "infeasible": int(held.infeasible[i].sum()),
+        "min_stability_margin": _least(held.margin[i, on]),
+        "min_knee_bend_deg": _least(np.rad2deg(held.bend[i, on])),
+        "lowering": _mean(held.lowering[i, on]),
+        "slip": _mean(held.slip[i, on]),
+    }
+
+
+def active_constraints(held: Contest, i: int, vector: np.ndarray, bounds: np.ndarray) -> list[str]:
+    """Names of the constraints and bounds that bind a contestant: the least slack over its lanes is within `ACTIVE`."""
+    on = held.usable[i]
+    if not on.any():
+        return []
+    slack = held.slack[i, on].min(axis=0)
+    names = [name for name, value in zip(CONSTRAINTS, slack) if value < ACTIVE[name]]
+    for name, value, (low, high) in zip(PARAMETERS, vector, bounds):
+        if high > low:
+            share = (value - low) / (high - low)
+            names += [f"{name} at its lower bound"] * bool(share < 0.02) + [f"{name} at its upper bound"] * bool(share > 0.98)
+    return names
+
+
+def _mean(values: np.ndarray) -> float | None:
+    return float(values.mean()) if len(values) else None
+
+
+def _least(values: np.ndarray) -> float | None:
+    return float(values.min()) if len(values) else None
+
+
+def nested(per_kind: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Turn kind -> contestant -> value into contestant -> kind -> value."""
+    names = list(next(iter(per_kind.values())))
+    return {name: {kind: table[name] for kind, table in per_kind.items()} for name in names}

@@ -1,0 +1,88 @@
+"""Many descents at once on the proxy: optax from several starts of several searches, smooth bounds, minibatches of terrains."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float, Int
+
+from jaxleg.planning.planner import Site
+from jaxleg.search.lanes import Lab, Setting
+
+
+class Descent(NamedTuple):
+    """State of all descents of a kind of terrain; a pytree of arrays, saved at every checkpoint."""
+
+    free: Float[Array, "run parameter"]  # unbounded coordinates
+    optimiser: optax.OptState
+    step: Int[Array, ""]
+
+
+class Lanes(NamedTuple):
+    """Training lanes: sites with a leading axis, and what each is judged by."""
+
+    site: Site
+    setting: Setting
+
+    @property
+    def count(self) -> int:
+        """Number of terrains."""
+        return self.setting.energy.shape[0]
+
+    def take(self, index: np.ndarray) -> "Lanes":
+        """The lanes of these numbers."""
+        return jax.tree.map(lambda x: jnp.asarray(x)[index], self)
+
+
+def bounded(free: Float[Array, "*n parameter"], bounds: Float[Array, "*n parameter 2"]) -> Float[Array, "*n parameter"]:
+    """Parameters strictly inside their bounds from unbounded coordinates: a logistic on each."""
+    low, high = bounds[..., 0], bounds[..., 1]
+    return low + (high - low) * jax.nn.sigmoid(free)
+
+
+def unbounded(
+    vector: Float[Array, "*n parameter"], bounds: Float[Array, "*n parameter 2"], least: float = 0.05
+) -> Float[Array, "*n parameter"]:
+    """Inverse of `bounded`; a parameter nearer than `least` (a share of the range) to a bound is moved off it."""
+    low, high = bounds[..., 0], bounds[..., 1]
+    width = jnp.where(high > low, high - low, 1.0)
+    share = jnp.clip((vector - low) / width, least, 1.0 - least)
+    return jnp.where(high > low, jnp.log(share) - jnp.log1p(-share), 0.0)
+
+
+def free_gradient(free: Float[Array, "*n parameter"], bounds, gradient) -> Float[Array, "*n parameter"]:
+    """Gradient in the unbounded coordinates from that in the parameters."""
+    share = jax.nn.sigmoid(free)
+    return gradient * (bounds[..., 1] - bounds[..., 0]) * share * (1.0 - share)
+
+
+def start(
+    key: Array, known: Float[Array, "known parameter"], bounds: Float[Array, "run parameter 2"], starts: int, rate: float
+) -> Descent:
+    """First state: each search begins at the known parameter sets (as far as its bounds and `starts` allow), then at random."""
+    runs = bounds.shape[0]
+    free = jax.random.normal(key, (runs, bounds.shape[1]), bounds.dtype) * 1.2
+    for i in range(min(starts, known.shape[0])):
+        free = free.at[i::starts].set(unbounded(known[i], bounds[i::starts]))
+    return Descent(free, optax.adam(rate).init(free), jnp.zeros((), jnp.int32))
+
+
+def descend(
+    lab: Lab, lanes: Lanes, bounds: Float[Array, "run parameter 2"], state: Descent, per_step: int, rate: float
+) -> tuple[Descent, np.ndarray]:
+    """One optimiser step of all runs on the next `per_step` terrains; returns the state and each run's mean objective.
+
+    A lane whose gradient is not finite takes no part in the step; it is counted by the final ranking over all terrains.
+    """
+    runs = state.free.shape[0]
+    index = (int(state.step) * per_step + np.arange(per_step)) % lanes.count
+    some = lanes.take(np.tile(index, runs))
+    vectors = jnp.repeat(bounded(state.free, bounds), per_step, axis=0)
+    score, gradient = lab.proxy_gradients(vectors, some.site, some.setting)
+    usable = np.isfinite(gradient).all(axis=1) & np.isfinite(score.objective)
+    gradient = np.where(usable[:, None], gradient, 0.0).reshape(runs, per_step, -1).mean(axis=1)
+    objective = np.where(usable, score.objective, np.inf).reshape(runs, per_step).mean(axis=1)
+    update, optimiser = optax.adam(rate).update(free_gradient(state.free, bounds, gradient), state.optimiser)
+    return Descent(optax.apply_updates(state.free, update), optimiser, state.step + 1), objective

@@ -1,0 +1,51 @@
+"""The contest again, refereed by C MuJoCo: the same plans, an independent simulator."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxleg.energy import CONVENTIONS, Power, electrical
+from jaxleg.planning.reference import reference, samples_per_cycle
+from jaxleg.search.contest import BEND_SLACK, Contest
+from jaxleg.search.descent import Lanes
+from jaxleg.search.lanes import CYCLES, Lab, in_chunks, to_params
+from jaxleg.plan import PlanStatus
+from jaxleg.sim.referee import replay
+
+
+def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int) -> Contest:
+    """Replay lanes (contestant by contestant) in C MuJoCo; constraints are those of the plan, their slack as the proxy says."""
+    score = lab.proxy_lanes(jnp.asarray(vectors, float), lanes.site, lanes.setting)
+    tracks = references(lab, vectors, lanes)
+    terrains, tracks = (unstack(jax.tree.map(np.asarray, tree)) for tree in (lanes.site.terrain, tracks))
+    metered = (CYCLES - 1) * samples_per_cycle(lab.samples)
+    verdicts = replay(lab.robot, terrains, tracks, metered, float(lab.ground.friction))
+    seen = {name: np.array([getattr(v, name) for v in verdicts]) for name in verdicts[0]._fields}
+    power = Power(seen["mechanical"], seen["mechanical_positive"], seen["joule"])
+    energy = np.stack([np.asarray(electrical(power, convention)) / seen["distance"] for convention in CONVENTIONS], axis=-1)
+    short = score.checks.knee_bend < np.asarray(lanes.setting.least_bend) - BEND_SLACK
+    infeasible = (score.checks.status != PlanStatus.OK) | short
+    number = score.energy.dtype
+    fields = (energy, seen["distance"], seen["time"], seen["slip"], seen["margin"])
+    numbers = [np.asarray(x, number) for x in fields] + [score.checks.knee_bend, score.checks.lowering]
+    data = Contest(*numbers, seen["fell"], infeasible, score.slack)
+    return Contest(*(x.reshape(contestants, -1, *x.shape[1:]) for x in data))
+
+
+def references(lab: Lab, vectors: np.ndarray, lanes: Lanes):
+    """Sampled references of the lanes, with a leading axis."""
+    lane = functools.partial(_reference, lab)
+    return in_chunks(jax.jit(jax.vmap(lane)), lab.chunk, jnp.asarray(vectors, float), lanes.site, lanes.setting.least_bend)
+
+
+def _reference(lab, vector, site, bend):
+    walk = lab.walk(to_params(vector), site, lab.choose(vector, site), bend)
+    return reference(lab.robot, walk, lab.settings(bend), lab.samples)
+
+
+def unstack(tree):
+    """A list of trees from one with a leading axis."""
+    count = jax.tree.leaves(tree)[0].shape[0]
+    return [jax.tree.map(lambda x, i=i: x[i], tree) for i in range(count)]
