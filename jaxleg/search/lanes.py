@@ -78,8 +78,9 @@ class Lab:
 
     @functools.cached_property
     def engine(self) -> Engine:
-        """MJX, built on first use."""
-        return mjx_engine(self.robot)
+        """MJX, built on first use; not while tracing, its arrays would leak."""
+        with jax.ensure_compile_time_eval():
+            return mjx_engine(self.robot)
 
     def settings(self, least_bend: Float[Array, ""]) -> CrawlSettings:
         """Planner settings at a least knee bend [rad]."""

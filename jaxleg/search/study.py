@@ -29,6 +29,7 @@ from jaxleg.sim.contact import Ground
 STAGES = tuple(MOVED)
 CONTESTANTS = BASELINES + STAGES
 UNBOUND = -10.0  # a margin floor [m] that never binds
+STEP_UNITS = 0.4  # units of work of a step of the descent
 
 
 class Report(Protocol):
@@ -59,6 +60,12 @@ def make_lab(study: Study, robot: Robot) -> Lab:
     )
 
 
+def work(study: Study) -> float:
+    """Units of work of a whole study, about a second each: what `Report` counts up to."""
+    groups = 1 if study.one_for_all else len(study.kinds)
+    return STEP_UNITS * study.search.steps * groups + 20.0 * groups + 18.0 * len(study.kinds) + 10.0
+
+
 @dataclasses.dataclass
 class Run:
     """One run of a study: its settings, its folder and what is shared between the stages."""
@@ -73,10 +80,6 @@ class Run:
         self.kinds = tuple(self.study.kinds)
         self.seconds: dict[str, float] = {}
         self.done = 0.0
-
-    def work(self, kind: str) -> float:
-        """Units of work of all stages together: roughly seconds."""
-        return self.study.search.steps * 0.4 * len(self.kinds) + 30.0 * len(self.kinds) + 30.0
 
     def tell(self, units: float, text: str) -> None:
         """Report progress by so many units of work."""
@@ -96,16 +99,15 @@ class Run:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
 
 
-def run(study: Study, robot: Robot, folder: RunFolder, report: Report) -> dict[str, Any]:
-    """Run (or resume) a study and return its result. Raises nothing of its own: failures are counted in the result."""
+def run(study: Study, robot: Robot, folder: RunFolder, report: Report) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Run (or resume) a study; returns its result and the searched parameter vectors (stage, parameter) of each kind. Raises nothing of its own: failures are counted in the result."""
     state = Run(study, robot, folder, report)
     began = time.perf_counter()
     chosen, held, replays = {}, {}, {}
-    training = {kind: training_lanes(state, kind) for kind in state.kinds}
     groups = [state.kinds] if study.one_for_all else [(kind,) for kind in state.kinds]
-    searched = {group: search_group(state, group, training) for group in groups}
-    for group, ends in searched.items():
-        best = rank(state, group, training, ends)
+    for group in groups:
+        training = {kind: training_lanes(state, kind) for kind in group}
+        best = rank(state, group, training, search_group(state, group, training))
         best = polish(state, group, training, best)
         chosen |= dict.fromkeys(group, best)
     for kind in state.kinds:
@@ -114,7 +116,7 @@ def run(study: Study, robot: Robot, folder: RunFolder, report: Report) -> dict[s
     for kind in state.kinds:
         replays[kind] = referee(state, kind, chosen[kind])
     state.seconds["total"] = time.perf_counter() - began
-    return assemble(state, chosen, held, replays, proxy)
+    return assemble(state, chosen, held, replays, proxy), chosen
 
 
 def training_lanes(state: Run, kind: str) -> Lanes:
@@ -165,7 +167,7 @@ def search_group(state: Run, group: tuple[str, ...], training: dict[str, Lanes])
             state.folder.append_history(row | {"seconds": round(time.perf_counter() - began, 3)})
         if step % 10 == 0 or step == search.steps:
             state.folder.save(f"{name}/descent", points)
-        state.tell(0.4, f"{name}: step {step} of {search.steps}, best {objective.min():.3f} of the baseline")
+        state.tell(STEP_UNITS, f"{name}: step {step} of {search.steps}, best {objective.min():.3f} of the baseline")
     state.clock("descent", began)
     return np.asarray(bounded(points.free, spans)).reshape(len(STAGES), search.starts, -1)
 
@@ -187,7 +189,7 @@ def rank(state: Run, group: tuple[str, ...], training: dict[str, Lanes], ends: n
 
     chosen = state.remember(f"{'+'.join(group)}/ranked", np.zeros(ends[:, 0].shape, ends.dtype), compute)
     state.clock("rank", began)
-    state.tell(8.0, f"{'+'.join(group)}: best starts ranked in simulation")
+    state.tell(10.0, f"{'+'.join(group)}: best starts ranked in simulation")
     return chosen
 
 

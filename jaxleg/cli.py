@@ -1,0 +1,146 @@
+"""The command line: `jaxleg search CONFIG`.
+
+JAX is configured here and nowhere else in the package: compilation cache, matmul precision.
+"""
+
+import dataclasses
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from jaxleg.conventions import InputError
+
+USAGE = """usage: jaxleg search CONFIG [--out FOLDER] [--resume] [--seed N] [--KEY VALUE ...]
+
+  search CONFIG   search planner parameters over many terrains, verify them in simulation on held-out ones
+
+  --out FOLDER    where the run goes (default: runs/NAME-OF-CONFIG)
+  --resume        go on with the run in FOLDER
+  --seed N        random seed; like any other key of CONFIG, e.g. --search.steps 20
+  --help          all keys of CONFIG with their limits
+"""
+EXIT_INFEASIBLE, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point of the console script; exits with 0, 1 (nothing feasible), 2 (bad input) or 130 (interrupted)."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        sys.exit(dispatch(arguments))
+    except InputError as error:
+        print(f"jaxleg: {error}", file=sys.stderr)
+        sys.exit(EXIT_INPUT)
+
+
+def dispatch(arguments: list[str]) -> int:
+    """Run the command named first. Raises `InputError` for anything a user wrote that cannot be used."""
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print(USAGE)
+        return 0 if arguments else EXIT_INPUT
+    if arguments[0] != "search":
+        raise InputError(f"command line: {arguments[0]!r} is not a command; there is: search")
+    return search(arguments[1:])
+
+
+def search(arguments: list[str]) -> int:
+    """`jaxleg search`: read and check everything first, then run the study in its folder."""
+    from jaxleg.robot import load_robot
+    from jaxleg.search.config import Study, check_study, robot_path
+    from jaxleg.settings import from_command_line, load
+
+    source, out, resume, overrides = split(arguments)
+    study = load(Study, source)
+    study = from_command_line(Study, study, overrides, prog="jaxleg search CONFIG")
+    path = robot_path(study, source)
+    study = dataclasses.replace(study, robot=os.path.relpath(path, Path(source).parent))
+    configure_jax()
+    robot = load_robot(path)
+    check_study(study, source, *leg_numbers(robot))
+    return run_study(study, robot, path, out or Path("runs") / Path(source).stem, resume)
+
+
+def split(arguments: list[str]) -> tuple[str, Path | None, bool, list[str]]:
+    """The config file, --out, --resume and the remaining overrides of a command line."""
+    rest, out, resume = list(arguments), None, "--resume" in arguments
+    if resume:
+        rest.remove("--resume")
+    if "--out" in rest:
+        at = rest.index("--out")
+        if at + 1 >= len(rest):
+            raise InputError("command line: --out is given without a value, but a folder must follow it")
+        out = Path(rest[at + 1])
+        del rest[at : at + 2]
+    if {"-h", "--help"} & set(rest):
+        print(USAGE)
+    named = [] if not rest or rest[0].startswith("-") else [rest.pop(0)]
+    if not named and not {"-h", "--help"} & set(rest):
+        raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
+    return named[0] if named else "configs/quickstart.toml", out, resume, rest
+
+
+def configure_jax() -> None:
+    """Persistent compilation cache and exact matrix products; called once, before anything is compiled."""
+    import jax
+
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+    cache = os.environ.get("JAXLEG_CACHE") or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jaxleg"
+    jax.config.update("jax_compilation_cache_dir", str(cache))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+    jax.config.update("jax_default_matmul_precision", "highest")
+
+
+def leg_numbers(robot: Any) -> tuple[float, float]:
+    """Leg length and thigh length [m], for the check of the bounds."""
+    from jaxleg.stance import leg_length
+
+    return float(leg_length(robot)), float(-robot.link_offset[0, 1, 2])
+
+
+def run_study(study: Any, robot: Any, robot_file: Path, out: Path, resume: bool) -> int:
+    """Open the run folder, run the study with a progress bar, write the result, its figures and a table."""
+    from rich.console import Console
+
+    from jaxleg.search.run_folder import RunFolder
+    from jaxleg.search.study import CONTESTANTS, run, work
+    from jaxleg.viz.terminal import progress, result_table
+
+    console = Console()
+    folder = RunFolder.open(out, study, resume)
+    console.print(f"searching {', '.join(study.kinds)} at {study.speed:g} m/s; results go to {folder.path}")
+    try:
+        with progress(console, work(study)) as report:
+            result, chosen = run(study, robot, folder, report)
+            report(work(study), "figures")
+            draw(study, robot, folder, result)
+    except KeyboardInterrupt:
+        console.print(f"interrupted; `--resume --out {out}` goes on from here")
+        return EXIT_INTERRUPTED
+    folder.write_result(result)
+    write_best(study, robot_file, folder, chosen)
+    console.print(result_table(result))
+    console.print(f"result.json, best.toml and figures are in {folder.path}")
+    usable = any(result[name][kind]["speed"] is not None for name in CONTESTANTS for kind in study.kinds)
+    return 0 if usable else EXIT_INFEASIBLE
+
+
+def write_best(study: Any, robot_file: Path, folder: Any, chosen: dict) -> None:
+    """`best.toml`: the study with each kind's best gait in place."""
+    from jaxleg.search.config import PARAMETERS, Gait
+    from jaxleg.settings import dump
+
+    gaits = {kind: Gait(**dict(zip(PARAMETERS, map(float, best[-1])))) for kind, best in chosen.items()}
+    kinds = {kind: dataclasses.replace(table, gait=gaits[kind]) for kind, table in study.kinds.items()}
+    robot = os.path.relpath(robot_file, folder.path)
+    dump(dataclasses.replace(study, kinds=kinds, robot=robot), folder.best)
+
+
+def draw(study: Any, robot: Any, folder: Any, result: dict) -> None:
+    """All figures of a study."""
+    from jaxleg.viz.study import draw_study
+
+    draw_study(study, robot, folder, result)
+
+
+if __name__ == "__main__":
+    main()

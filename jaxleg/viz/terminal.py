@@ -1,0 +1,80 @@
+"""What a search shows in the terminal: a progress bar with the time to go, and the table of results."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+NAMES = {
+    "traditional": "traditional",
+    "implied": "implied",
+    "paper": "paper's own",
+    "best_i": "(i) in the paper's band",
+    "best_ii": "(ii) height, offset, skew",
+    "best": "(iii) everything",
+}
+
+
+@contextlib.contextmanager
+def progress(console: Console, total: float) -> Iterator[Callable[[float, str], None]]:
+    """A progress bar over `total` units of work; yields the function that reports (done, text).
+
+    Where there is no terminal, a line is printed for each new text instead.
+    """
+    columns = (
+        TextColumn("[progress.percentage]{task.percentage:>3.0f}%"),
+        BarColumn(bar_width=24),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=console, disable=not console.is_terminal, speed_estimate_period=120.0) as bar:
+        task = bar.add_task("compiling", total=total)
+
+        def report(done: float, text: str) -> None:
+            bar.update(task, completed=min(done, total), description=text)
+            if not console.is_terminal:
+                console.print(f"{100.0 * min(done / total, 1.0):3.0f} %  {text}", highlight=False)
+
+        yield report
+
+
+def result_table(result: dict[str, Any]) -> Table:
+    """Energy per metre, saving and what was lost on the way, a row for each contestant and kind of terrain."""
+    power = result["power"]
+    table = Table(title=f"held-out terrains, {result['speed']:g} m/s, {power} power", title_justify="left")
+    for column in ("terrain", "contestant"):
+        table.add_column(column)
+    for column in ("energy [J/m]", "saving [%]", "C MuJoCo [%]", "margin [m]", "knee bend [deg]", "falls", "infeasible"):
+        table.add_column(column, justify="right")
+    for kind in result["bounds"]:
+        for name, label in NAMES.items():
+            table.add_row(kind, label, *_cells(result, name, kind, power), end_section=name == "best")
+    return table
+
+
+def _cells(result: dict[str, Any], name: str, kind: str, power: str) -> list[str]:
+    row = result[name][kind]
+    energy = row["energy_per_metre"][power]
+    cells = [_interval(energy, 1.0, "{:.0f}")]
+    for engine in ("mjx", "mujoco"):
+        saved = result["saving"][engine].get(name, {}).get(kind, {}).get(power)
+        cells.append(_interval(saved, 100.0, "{:.1f}") if saved else "")
+    cells += [_number(row["min_stability_margin"], "{:.3f}"), _number(row["min_knee_bend_deg"], "{:.1f}")]
+    return [*cells, f"{row['falls']} of {row['lanes']}", str(row["infeasible"])]
+
+
+def _interval(value: dict[str, Any], scale: float, form: str) -> str:
+    if value["mean"] is None:
+        return "none"
+    low, high = (form.format(scale * x) for x in value["ci95"])
+    mean = form.format(scale * value["mean"])
+    return mean if low == high else f"{mean} ({low} to {high})"
+
+
+def _number(value: float | None, form: str) -> str:
+    return "none" if value is None else form.format(value)
