@@ -92,11 +92,18 @@ def reference(robot: Robot, walk: Walk, settings: CrawlSettings, samples: tuple[
     The samples keep their place in the phase whatever its duration, so none crosses a phase's border when parameters
     change: everything that follows the reference stays differentiable in the phases' shares.
     """
+    return to_reference(*instants(robot, walk, settings, samples))
+
+
+def instants(
+    robot: Robot, walk: Walk, settings: CrawlSettings, samples: tuple[int, int]
+) -> tuple[Float[Array, "t"], Instant]:
+    """Times [s] of the samples of `reference`, and everything about the plan at them."""
     phase, share = phase_samples(samples, walk.cycle_time.shape[0])
     phases = jax.tree.map(lambda x: x[phase], walk.phases)
     share = jnp.asarray(share, walk.cycle_time.dtype)
     at = jax.vmap(lambda p, s: instant(robot, walk, settings, p, s))(phases, share)
-    return _to_reference(phases.start + share * phases.duration, at)
+    return phases.start + share * phases.duration, at
 
 
 def phase_samples(samples: tuple[int, int], cycles: int) -> tuple[np.ndarray, np.ndarray]:
@@ -112,7 +119,8 @@ def samples_per_cycle(samples: tuple[int, int]) -> int:
     return 2 * samples[0] + 4 * samples[1]
 
 
-def _to_reference(time, at: Instant) -> Reference:
+def to_reference(time: Float[Array, "t"], at: Instant) -> Reference:
+    """The part of the instants that controllers and simulators follow."""
     zero = jnp.zeros_like(at.pose[:, 3])
     half = 0.5 * at.pose[:, 3]
     quaternion = jnp.stack([jnp.cos(half), zero, -jnp.sin(half), zero], axis=-1)

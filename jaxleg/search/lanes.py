@@ -15,13 +15,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxleg.energy import CONVENTIONS, Convention, electrical
-from jaxleg.kinematics import knee_bend
 from jaxleg.plan import GaitParams, PlanChecks
 from jaxleg.planning.crawl import CrawlSettings
 from jaxleg.planning.footholds import SearchRectangle
 from jaxleg.planning.planner import Choice, Site, choose_footholds, crawl
+from jaxleg.planning.proxy import checks as plan_checks
 from jaxleg.planning.proxy import evaluate
-from jaxleg.planning.reference import reference, samples_per_cycle
+from jaxleg.planning.reference import instants, samples_per_cycle, to_reference
 from jaxleg.robot import Robot
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
@@ -120,12 +120,10 @@ class Lab:
         """Judge one lane by MJX; the constraints are those of the plan. Differentiable in `vector`."""
         params, settings = to_params(vector), self.settings(setting.least_bend)
         walk = self.walk(params, site, choice, setting.least_bend)
-        track = reference(self.robot, walk, settings, self.samples)
-        metered = (CYCLES - 1) * samples_per_cycle(self.samples)
+        time, at = instants(self.robot, walk, settings, self.samples)
+        metered, track = (CYCLES - 1) * samples_per_cycle(self.samples), to_reference(time, at)
         meters = simulate(self.engine, self.robot, self.ground, site.terrain, track, self.steps, metered)
-        energy = _per_metre(meters.energy, meters.distance)
-        bend = jnp.min(jax.vmap(jax.vmap(knee_bend), in_axes=(None, 0))(self.robot.link_offset, track.joint_pos))
-        checks = evaluate(self.robot, walk, settings).checks._replace(knee_bend=bend)
+        energy, checks = _per_metre(meters.energy, meters.distance), plan_checks(self.robot, walk, at)
         slack = self.slack(params, checks, setting)
         objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(slack)
         return objective, (Score(objective, energy, slack, checks), meters)

@@ -1,0 +1,77 @@
+"""Torque maps of a leg with the workspaces of two gaits. Paper A, Fig. 4."""
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+
+from jaxleg.conventions import GRAVITY
+from jaxleg.robot import Robot
+from jaxleg.stance import leg_length
+from jaxleg.statics import knee_zero_line, torque_map
+from jaxleg.viz.style import BLACK, GREEN, RED, blank, label, legend_below, save
+
+PAPER_X, PAPER_H = (-0.20, 0.0), (0.48, 0.52)  # torque-saving workspace of paper A [m] (A5)
+CELLS = (421, 301)
+STEP = 5.0  # between filled levels [N m]
+
+
+def torque_maps(robot: Robot, before: dict[str, float], after: dict[str, float], path: str | Path) -> None:
+    """Absolute thigh and knee torque and their sum [N m] over the foot's place under a quarter weight.
+
+    `before` and `after` hold hip_height, foot_offset and step_length [m]: the foot sweeps foot_offset +-
+    step_length / 2. The axes span L_F2H within 7/12 of the leg's length and H_COG from a third of it up.
+    """
+    leg, force = float(leg_length(robot)), float(robot.mass) * GRAVITY / 4.0
+    x, h = np.linspace(-7 / 12, 7 / 12, CELLS[0]) * leg, np.linspace(1 / 3, 1.0, CELLS[1]) * leg
+    torque = jax.jit(torque_map)(robot, jnp.asarray(x, float), jnp.asarray(h, float), force)
+    thigh, knee = np.abs(np.asarray(torque.thigh)), np.abs(np.asarray(torque.knee))
+    reachable = np.asarray(torque.reachable)
+    maps = {"|thigh torque|": thigh, "|knee torque|": knee, "sum of both": thigh + knee}
+    levels = np.arange(0.0, np.max((thigh + knee)[reachable]) + STEP, STEP)
+    figure, axes = blank(4.3, columns=3, sharey=True)
+    for ax, (name, values) in zip(axes, maps.items()):
+        filled = _map(ax, x, h, np.where(reachable, values, np.nan), levels)
+        _least_lines(ax, robot, h)
+        _workspaces(ax, before, after)
+        ax.set(xlim=(x[0], x[-1]), ylim=(h[0], h[-1] + 0.01))
+        label(ax, "foot ahead of hip, L_F2H [m]", "", name)
+    axes[0].set_ylabel("hip above foot, H_COG [m]")
+    bar = figure.colorbar(filled, ax=axes, shrink=0.9, pad=0.01)
+    bar.set_label(f"torque under {force:.1f} N [N m]")
+    legend_below(figure, _legend(), 3)
+    save(figure, path)
+
+
+def _map(ax: Axes, x: np.ndarray, h: np.ndarray, values: np.ndarray, levels: np.ndarray):
+    filled = ax.contourf(x, h, values.T, levels, cmap="Blues")
+    ax.text(0.03, 0.97, "out of\nreach", transform=ax.transAxes, va="top", fontsize=8, color=BLACK)
+    return filled
+
+
+def _least_lines(ax: Axes, robot: Robot, h: np.ndarray) -> None:
+    ax.axvline(0.0, color=BLACK, lw=1.6)
+    ax.plot(np.asarray(knee_zero_line(robot, jnp.asarray(h, float))), h, color=BLACK, lw=1.6, ls=(0, (5, 2)))
+
+
+def _workspaces(ax: Axes, before: dict[str, float], after: dict[str, float]) -> None:
+    size = (PAPER_X[1] - PAPER_X[0], PAPER_H[1] - PAPER_H[0])
+    ax.add_patch(Rectangle((PAPER_X[0], PAPER_H[0]), *size, fill=False, ls=(0, (1, 1)), lw=1.6, zorder=4))
+    for gait, colour in ((before, RED), (after, GREEN)):
+        ends = gait["foot_offset"] + 0.5 * gait["step_length"] * np.array([-1.0, 1.0])
+        for width, ink in ((7.0, "white"), (4.5, colour)):
+            ax.plot(ends, [gait["hip_height"]] * 2, color=ink, lw=width, solid_capstyle="butt", zorder=5)
+
+
+def _legend() -> list:
+    return [
+        Line2D([], [], color=BLACK, lw=1.6, label="no thigh torque"),
+        Line2D([], [], color=BLACK, lw=1.6, ls=(0, (5, 2)), label="no knee torque"),
+        Line2D([], [], color=RED, lw=4.5, label="foot's sweep, traditional gait"),
+        Line2D([], [], color=GREEN, lw=4.5, label="foot's sweep, best gait found"),
+        Patch(fill=False, ls=(0, (1, 1)), lw=1.6, label="paper A's workspace"),
+    ]
