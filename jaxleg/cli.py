@@ -102,7 +102,7 @@ def run_study(study: Any, robot: Any, robot_file: Path, out: Path, resume: bool)
     from rich.console import Console
 
     from jaxleg.search.run_folder import RunFolder
-    from jaxleg.search.study import CONTESTANTS, run, work
+    from jaxleg.search.study import CONTESTANTS, make_lab, run, work
     from jaxleg.viz.terminal import progress, result_table
 
     console = Console()
@@ -112,7 +112,9 @@ def run_study(study: Any, robot: Any, robot_file: Path, out: Path, resume: bool)
         with progress(console, work(study)) as report:
             result, chosen = run(study, robot, folder, report)
             report(work(study), "figures")
-            draw(study, robot, folder, result)
+            from jaxleg.viz.study import draw_study  # matplotlib: only once there is something to draw
+
+            draw_study(study, make_lab(study, robot), result, folder.history, folder.figures)
     except KeyboardInterrupt:
         console.print(f"interrupted; `--resume --out {out}` goes on from here")
         return EXIT_INTERRUPTED
@@ -133,13 +135,6 @@ def write_best(study: Any, robot_file: Path, folder: Any, chosen: dict) -> None:
     kinds = {kind: dataclasses.replace(table, gait=gaits[kind]) for kind, table in study.kinds.items()}
     robot = os.path.relpath(robot_file, folder.path)
     dump(dataclasses.replace(study, kinds=kinds, robot=robot), folder.best)
-
-
-def draw(study: Any, robot: Any, folder: Any, result: dict) -> None:
-    """All figures of a study."""
-    from jaxleg.viz.study import draw_study
-
-    draw_study(study, robot, folder, result)
 
 
 if __name__ == "__main__":

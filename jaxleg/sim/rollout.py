@@ -21,7 +21,7 @@ from jaxleg.robot import Robot
 from jaxleg.sim.contact import Ground, foot_contact
 from jaxleg.sim.engine import Engine, Terms
 from jaxleg.sim.tracking import Tracking, interpolate
-from jaxleg.terrain.heightmap import HeightMap, height
+from jaxleg.terrain.heightmap import HeightMap, nearest_height
 
 LOADED = 1.0  # a foot counts as loaded above this normal force [N]
 FALL_TILT = 0.7071  # cosine of 45 degrees
@@ -155,7 +155,7 @@ def fallen(
     rotation = rotation_from_quaternion(state.q[3:7])
     corner = jnp.array([[1, 1, -1], [1, -1, -1], [-1, 1, -1], [-1, -1, -1]], state.q.dtype) * 0.5 * robot.trunk_size
     corner = state.q[:3] + matvec(rotation, corner)
-    ground = jax.vmap(height, in_axes=(None, 0))(terrain, corner[:, :2])
+    ground = jax.vmap(nearest_height, in_axes=(None, 0))(terrain, corner[:, :2])
     low = state.q[2] - jnp.mean(foot[:, 2]) < 0.5 * stand
     return (rotation[2, 2] < FALL_TILT) | low | jnp.any(corner[:, 2] < ground)
 

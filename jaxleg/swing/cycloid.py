@@ -5,12 +5,12 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 
-def cycloid_advance(share: Float[ArrayLike, ""]) -> Float[Array, ""]:
+def cycloid_advance(share: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
     """Horizontal part of the way covered, x/S = s - sin(2 pi s)/(2 pi), at share s in [0, 1] of the time (B, eq. 2)."""
     return share - jnp.sin(2.0 * jnp.pi * share) / (2.0 * jnp.pi)
 
 
-def cycloid_lift(share: Float[ArrayLike, ""]) -> Float[Array, ""]:
+def cycloid_lift(share: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
     """Height over the start, z/H = (1 - cos(2 pi s))/2, at share s in [0, 1] of the time (B, eq. 2)."""
     return 0.5 * (1.0 - jnp.cos(2.0 * jnp.pi * share))
 

@@ -35,15 +35,15 @@ def height_and_gradient(
     """Height [m] and its gradient at xy in W: bicubic Hermite interpolation of the cells' centres, once differentiable.
 
     The slopes at the centres are harmonic means of the neighbouring differences (zero at an extremum), so flat treads stay
-    flat and nothing overshoots along the grid lines. Beyond the map the ground goes on level. NaN next to unseen cells.
+    flat and nothing overshoots along the grid lines. The outermost ring of cells only lends its slope: beyond the ring inside
+    it the ground goes on level. NaN next to unseen cells. The map must be at least 4 x 4 cells.
     """
     size = jnp.array(terrain.elevation.shape)
     place = (xy - terrain.origin) / terrain.resolution
-    inside = (place >= 0) & (place <= size - 1)
-    place = jnp.clip(place, 0.0, (size - 1).astype(place.dtype))
-    cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)).astype(jnp.int32), 0, size - 2)
-    index = jnp.clip(cell[:, None] + jnp.arange(-1, 3), 0, size[:, None] - 1)
-    patch = terrain.elevation[index[0][:, None], index[1][None, :]]
+    inside = (place >= 1) & (place <= size - 2)
+    place = jnp.clip(place, 1.0, (size - 2).astype(place.dtype))
+    cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)).astype(jnp.int32), 1, size - 3)
+    patch = jax.lax.dynamic_slice(terrain.elevation, cell - 1, (4, 4))
     share = place - cell
     (value_x, slope_x), (rate_x, bend_x) = _basis(share[0])
     (value_y, slope_y), (rate_y, bend_y) = _basis(share[1])
@@ -75,3 +75,11 @@ def _node_slopes(patch: Float[Array, "4 2"]) -> Float[Array, "2 2"]:
     monotone = product > 0
     total = jnp.where(monotone, before + after, 1.0)
     return jnp.where(monotone, 2.0 * product / total, 0.0 * product)
+
+
+def nearest_height(terrain: HeightMap, xy: Float[Array, "2"]) -> Float[Array, ""]:
+    """Elevation [m] of the cell whose centre is nearest to xy: a coarse, cheap look without a gradient."""
+    size = jnp.array(terrain.elevation.shape)
+    cell = jnp.round((xy - terrain.origin) / terrain.resolution).astype(jnp.int32)
+    cell = jnp.clip(cell, 0, size - 1)
+    return terrain.elevation[cell[0], cell[1]]

@@ -37,10 +37,11 @@ def gait(robot: Robot, walk: Walk, reference: Reference, terrain: HeightMap, pat
     """Side view and top view of a walk, on one scale.
 
     Side: the ground under the left and the right feet, the feet's paths, trunk and legs at the start of each
-    phase of the last cycle. Top: elevation, footholds, support triangles, way-points, paths of
-    the trunk's centre and of the centre of mass.
+    phase of the last cycle. Top: elevation, footholds, the last cycle's support triangles, way-points, the
+    paths of trunk and centre of mass. The plan must be finite (`PlanStatus.OK`).
     """
-    walk, reference = jax.tree.map(np.asarray, (walk, reference))
+    walk = Walk(walk.params, *jax.tree.map(np.asarray, walk[1:]))
+    reference = jax.tree.map(np.asarray, reference)
     posture = _posture(robot, reference)
     low, high = _extent(walk, posture)
     ground, view = _cells_in_view(terrain, low, high)
@@ -92,7 +93,7 @@ def _cells_in_view(
 def _side(ax: Axes, walk: Walk, reference: Reference, terrain: HeightMap, posture: Posture, low, high):
     x = np.linspace(low[0], high[0], 300)
     for legs, style in ((RIGHT_LEGS, GROUND_RIGHT), (LEFT_LEGS, GROUND_LEFT)):
-        y = walk.footholds[:, list(legs), 1].mean()
+        y = float(walk.footholds[:, list(legs), 1].mean())
         ax.plot(x, _profile(terrain, x, y), **style)
     _sticks(ax, walk, reference, posture)
     for leg, colour in enumerate(LEG_COLOUR):
@@ -102,7 +103,7 @@ def _side(ax: Axes, walk: Walk, reference: Reference, terrain: HeightMap, postur
     label(ax, FORWARD, "z, up [m]", "from the side, as each phase of the last cycle begins (later is darker)")
 
 
-def _profile(terrain: HeightMap, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _profile(terrain: HeightMap, x: np.ndarray, y: float) -> np.ndarray:
     points = jnp.asarray(np.stack([x, np.full_like(x, y)], axis=-1), terrain.elevation.dtype)
     return np.asarray(jax.vmap(height, in_axes=(None, 0))(terrain, points))
 

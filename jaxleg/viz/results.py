@@ -41,7 +41,8 @@ def _energy_row(ax: Axes, y: int, result: Mapping[str, Any], name: str, kind: st
     row, power = result[name][kind]["energy_per_metre"], result["power"]
     mean = row[power]["mean"]
     if mean is None:
-        ax.text(0.03, y, "infeasible", transform=ax.get_yaxis_transform(), va="center", fontsize=9)
+        why = "all failed" if result[name][kind]["falls"] else "infeasible"
+        ax.text(0.03, y, why, transform=ax.get_yaxis_transform(), va="center", fontsize=9)
         return 0.0
     low, high = row[power]["ci95"]
     reach = [[max(mean - low, 0.0)], [max(high - mean, 0.0)]]  # rounding may put equal lanes outside

@@ -1,1 +1,39 @@
-def draw_study(study, robot, folder, result): pass
+"""The figures of a study's run folder, from its result and its history."""
+
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxleg.plan import GaitParams, Reference, Walk
+from jaxleg.planning.reference import reference
+from jaxleg.robot import Robot
+from jaxleg.search.config import PARAMETERS, Study
+from jaxleg.search.lanes import Lab
+from jaxleg.search.sites import make_sites
+from jaxleg.viz.figures import energy, gait, history, parameters, torque_maps
+
+
+def draw_study(study: Study, lab: Lab, result: dict[str, Any], history_file: Path, folder: Path) -> None:
+    """Torque maps, energies, search history, parameters in their bounds, and the best gait on a terrain of each kind."""
+    first = next(iter(study.kinds))
+    before, after = (result[name][first]["params"] for name in ("traditional", "best"))
+    torque_maps(lab.robot, before, after, folder / "torque_maps.png")
+    energy(result, folder / "energy.png")
+    history(history_file, folder / "history.png")
+    parameters(result, folder / "parameters.png")
+    plan = jax.jit(lambda vector, site, bend: _plan(lab, vector, site, bend))
+    for kind, table in study.kinds.items():
+        sites = make_sites(study, float(lab.robot.foot_radius), kind, held_out=True)
+        site = jax.tree.map(lambda x: x[-1], sites)
+        vector = jnp.asarray([result["best"][kind]["params"][name] for name in PARAMETERS], float)
+        walk, track = plan(vector, site, jnp.asarray(np.deg2rad(table.least_knee_bend_deg), float))
+        if np.isfinite(np.asarray(track.joint_torque)).all():
+            gait(lab.robot, walk, track, site.terrain, folder / f"gait_{kind}.png")
+
+
+def _plan(lab: Lab, vector: jax.Array, site: Any, bend: jax.Array) -> tuple[Walk, Reference]:
+    walk = lab.walk(GaitParams(*vector), site, lab.choose(vector, site), bend)
+    return walk, reference(lab.robot, walk, lab.settings(bend), lab.samples)

@@ -167,16 +167,14 @@ def scalar(value: float) -> jax.Array:
 
 
 def phase_starts(robot, walk) -> Reference:
-    """The reference where each phase begins, without the torques, which take long to compile and are not drawn."""
+    """The reference where each phase begins, without torques: slow to compile and not drawn."""
     phases = walk.phases
     angles, _ = jax.vmap(joint_angles, in_axes=(None, 0, 0))(robot, phases.trunk_from, phases.feet_from)
     half, zero = 0.5 * phases.trunk_from[:, 3], jnp.zeros_like(phases.start)
     quaternion = jnp.stack([jnp.cos(half), zero, -jnp.sin(half), zero], axis=-1)
-    rates = (jnp.zeros_like(angles), jnp.zeros_like(angles))
-    position, still = phases.trunk_from[:, :3], jnp.zeros((len(half), 6), half.dtype)
-    return Reference(
-        phases.start, angles, *rates, position, quaternion, still, phases.feet_from, 1.0 - phases.swings
-    )
+    none, still = jnp.zeros_like(angles), jnp.zeros((len(half), 6), half.dtype)
+    trunk, feet = phases.trunk_from[:, :3], phases.feet_from
+    return Reference(phases.start, angles, none, none, trunk, quaternion, still, feet, 1.0 - phases.swings)
 
 
 @pytest.fixture(scope="module")

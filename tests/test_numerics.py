@@ -1,0 +1,80 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from jaxleg import numerics
+
+RNG = np.random.default_rng(0)
+
+
+def spd(n, *batch):
+    a = RNG.normal(size=(*batch, n, n))
+    return a @ np.swapaxes(a, -1, -2) + np.eye(n)
+
+
+@pytest.mark.parametrize("x", [-1.0, 0.0, 4.0])
+def test_sqrt_safe_and_its_gradient(x):
+    value, slope = jax.value_and_grad(numerics.sqrt_safe)(jnp.float64(x))
+    assert_allclose((value, slope), (2.0, 0.25) if x > 0 else (0.0, 0.0))
+
+
+def test_norm_safe_has_zero_gradient_at_the_origin():
+    assert_allclose(jax.grad(numerics.norm_safe)(jnp.zeros(3)), 0.0)
+    x = RNG.normal(size=(5, 3))
+    assert_allclose(numerics.norm_safe(jnp.array(x)), np.linalg.norm(x, axis=-1))
+
+
+def test_smoothstep_rests_at_both_ends():
+    step = numerics.smoothstep
+    assert_allclose(step(jnp.array([-1.0, 0.0, 0.5, 1.0, 2.0])), [0.0, 0.0, 0.5, 1.0, 1.0])
+    for end in (1e-9, 1.0 - 1e-9):
+        assert_allclose([jax.grad(step)(end), jax.grad(jax.grad(step))(end)], 0.0, atol=1e-6)
+    assert np.all(np.diff(step(jnp.linspace(0.0, 1.0, 50))) > 0)
+
+
+@pytest.mark.parametrize(
+    ("ours", "numpys", "shapes"),
+    [
+        (numerics.cross, np.cross, [(7, 3), (7, 3)]),
+        (numerics.cross, np.cross, [(3,), (3,)]),
+        (numerics.dot, lambda a, b: np.einsum("...i,...i", a, b), [(7, 4), (4,)]),
+        (numerics.matvec, lambda a, x: np.einsum("...ij,...j->...i", a, x), [(4, 6, 3), (3,)]),
+        (numerics.matmul, np.matmul, [(4, 6, 3), (4, 3, 2)]),
+        (numerics.inverse3, np.linalg.inv, [(7, 3, 3)]),
+        (numerics.inverse3_safe, np.linalg.inv, [(7, 3, 3)]),
+    ],
+)
+def test_small_linear_algebra_is_numpys(ours, numpys, shapes):
+    arrays = [RNG.normal(size=shape) for shape in shapes]
+    assert_allclose(ours(*map(jnp.array, arrays)), numpys(*arrays), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-4, -1e-4])
+def test_inverse3_safe_is_finite_with_gradient_where_singular(scale):
+    a = jnp.diag(jnp.array([1.0, 1.0, scale]))
+    inverse = numerics.inverse3_safe(a)
+    assert np.all(np.isfinite(inverse))
+    assert np.all(np.isfinite(jax.jacobian(numerics.inverse3_safe)(a)))
+    if scale:
+        assert_allclose(inverse, np.linalg.inv(a))
+
+
+@pytest.mark.parametrize("n", [1, 3, 6])
+def test_solve_spd_is_numpys(n):
+    a, b = spd(n), RNG.normal(size=n)
+    assert_allclose(numerics.solve_spd(jnp.array(a), jnp.array(b)), np.linalg.solve(a, b), rtol=1e-9)
+
+
+def test_solve_block_arrow_is_the_dense_solution():
+    dense, rhs = spd(18), RNG.normal(size=18)
+    for i in range(4):
+        for j in set(range(4)) - {i}:
+            dense[6 + 3 * i : 9 + 3 * i, 6 + 3 * j : 9 + 3 * j] = 0.0
+    dense += 20.0 * np.eye(18)
+    legs = np.stack([dense[k : k + 3, k : k + 3] for k in (6, 9, 12, 15)])
+    coupling = dense[:6, 6:].reshape(6, 4, 3).swapaxes(0, 1)
+    parts = (dense[:6, :6], coupling, legs, rhs[:6], rhs[6:].reshape(4, 3))
+    x, y = numerics.solve_block_arrow(*map(jnp.array, parts))
+    assert_allclose(np.concatenate([x, y.ravel()]), np.linalg.solve(dense, rhs), rtol=1e-9)

@@ -1,0 +1,68 @@
+import dataclasses
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from jaxleg.conventions import GRAVITY, LEFT_LEGS, LEG_SIDE, RIGHT_LEGS, InputError
+from jaxleg.robot import Robot, RobotFile, build_robot, load_robot
+from jaxleg.settings import load
+
+PEGASUS = Path(__file__).parents[1] / "configs/robots/pegasus.toml"
+MIRROR = np.array([1.0, -1.0, 1.0])
+
+
+def test_mass_and_load_of_a_leg(pegasus):
+    assert_allclose(pegasus.mass, 35.2)
+    assert 86.2 <= pegasus.mass * GRAVITY / 4 <= 86.4
+
+
+def test_stretched_leg_is_as_long_as_the_paper_says(pegasus):
+    assert_allclose(-pegasus.link_offset[:, 1:, 2].sum(axis=1), 0.60)
+
+
+@pytest.mark.parametrize("field", ["hip_position", "link_offset", "link_com"])
+def test_places_are_mirrored(pegasus, field):
+    values = np.asarray(getattr(pegasus, field))
+    assert_allclose(values[list(LEFT_LEGS)], values[list(RIGHT_LEGS)] * MIRROR)
+    assert np.any(values[..., 1] * np.reshape(LEG_SIDE, (4,) + (1,) * (values.ndim - 2)) > 0)
+
+
+@pytest.mark.parametrize("field", ["link_mass", "link_inertia", "rotor_inertia", "joint_damping", "torque_limit"])
+def test_legs_are_alike(pegasus, field):
+    values = np.asarray(getattr(pegasus, field))
+    assert_allclose(values, np.broadcast_to(values[0], values.shape))
+
+
+def test_inertia_of_every_body_is_that_of_a_solid(pegasus):
+    for moments in (pegasus.link_inertia.reshape(-1, 3), pegasus.trunk_inertia[None]):
+        assert np.all(moments > 0)
+        assert np.all(moments.sum(axis=1) >= 2 * moments.max(axis=1))  # triangle inequality
+
+
+def test_uniform_rod_about_its_middle(pegasus):
+    mass, length = pegasus.link_mass[0, 2], 0.34
+    about_axis = mass * 0.03**2
+    assert_allclose(pegasus.link_inertia[0, 2, 2], about_axis)
+    assert_allclose(pegasus.link_inertia[0, 2, :2], mass * length**2 / 12 + about_axis)
+
+
+@pytest.mark.parametrize(("knees", "sign"), [("backward", 1.0), ("forward", -1.0)])
+def test_knee_sign(knees, sign):
+    file = load(RobotFile, PEGASUS)
+    file = dataclasses.replace(file, geometry=dataclasses.replace(file.geometry, knees=knees))
+    assert build_robot(file).knee_sign == sign
+
+
+def test_robot_is_a_pytree_of_all_its_fields(pegasus):
+    assert len(jax.tree.leaves(pegasus)) == len(dataclasses.fields(Robot))
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(pegasus))
+
+
+def test_a_bad_file_is_refused_with_its_key(tmp_path):
+    path = tmp_path / "robot.toml"
+    path.write_text(PEGASUS.read_text().replace("thigh = 0.26", "thigh = -0.26"))
+    with pytest.raises(InputError, match=r"geometry\.thigh"):
+        load_robot(path)
