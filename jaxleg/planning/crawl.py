@@ -28,7 +28,7 @@ SIDES = ((LEFT_LEGS, RIGHT_LEGS), (RIGHT_LEGS, LEFT_LEGS))  # (standing, swingin
 class CrawlSettings:
     """What a crawl is planned with besides the gait parameters; every field a leaf."""
 
-    speed: Float[Array, "*batch"]  # forward speed [m/s]; a cycle's time is its advance over it
+    speed: Float[Array, "*batch"]  # mean forward speed over the walk [m/s]; all its cycles take the same time
     least_knee_bend: Float[Array, "*batch"]  # the trunk is lowered until every leg keeps it [rad]
     clearance: Float[Array, "*batch"]  # between the foot and the ground in mid-swing [m]
     load_share: Float[Array, "*batch"]  # part of a swing phase at either end in which the load is transferred
@@ -47,8 +47,8 @@ def crawl(
     footholds = on_ground(robot, terrain, nominal_stances(params, 0, cycles + 1) + offsets)
     earlier = on_ground(robot, terrain, nominal_stances(params, -1, 1)[0] + offsets[0])
     poses, feet_from, feet_to = _stages(robot, params, footholds, earlier)
-    advance = poses[2::2, 0] - poses[:-1:2, 0]
-    cycle_time = advance / settings.speed
+    advance = (poses[-1, 0] - poses[0, 0]) / cycles
+    cycle_time = jnp.full(cycles, 1.0, advance.dtype) * advance / settings.speed
     phases = _phases(params, terrain, robot, settings, poses, feet_from, feet_to, cycle_time)
     lowering = _lowering(robot, params, settings, phases)
     down = jnp.array([0.0, 0.0, -1.0, 0.0], lowering.dtype) * lowering

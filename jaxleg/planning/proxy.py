@@ -13,7 +13,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from jaxleg.energy import Power, motor_power
-from jaxleg.gait import PHASES, SHIFT, SWING_LEG, stability_margin
+from jaxleg.gait import SHIFT, SWING_LEG, stability_margin
 from jaxleg.kinematics import Reach
 from jaxleg.plan import FootholdStatus, PlanChecks, PlanStatus, Walk
 from jaxleg.planning.crawl import CrawlSettings
@@ -22,7 +22,7 @@ from jaxleg.robot import Robot
 
 
 class Proxy(NamedTuple):
-    """What a walk's last cycle costs and how near it comes to its constraints."""
+    """What a walk costs and how near it comes to its constraints."""
 
     energy: Power  # by joint (leg, joint) [J]
     distance: Float[Array, ""]  # [m]
@@ -31,16 +31,15 @@ class Proxy(NamedTuple):
 
 
 def evaluate(robot: Robot, walk: Walk, settings: CrawlSettings) -> Proxy:
-    """Energy and checks of the last cycle of a walk; one lane, `vmap` outside."""
-    phase, share, weight = _nodes(settings.load_share)
-    cycles = walk.cycle_time.shape[0]
-    phases = jax.tree.map(lambda x: x[(cycles - 1) * PHASES + phase], walk.phases)
+    """Energy and checks over all cycles of a walk; one lane, `vmap` outside."""
+    phase, share, weight = _nodes(settings.load_share, walk.cycle_time.shape[0])
+    phases = jax.tree.map(lambda x: x[phase], walk.phases)
     at = jax.vmap(lambda p, s: instant(robot, walk, settings, p, s))(phases, share)
     power = motor_power(robot, at.torque, at.velocity)
     seconds = weight * phases.duration
     energy = Power(*(jnp.sum(seconds[:, None, None] * p, axis=0) for p in power))
-    advance = walk.waypoints[-1, 0] - walk.waypoints[-3, 0]
-    return Proxy(energy, advance, walk.cycle_time[-1], checks(robot, walk, at))
+    advance = walk.waypoints[-1, 0] - walk.waypoints[0, 0]
+    return Proxy(energy, advance, jnp.sum(walk.cycle_time), checks(robot, walk, at))
 
 
 def checks(robot: Robot, walk: Walk, at: Instant) -> PlanChecks:
@@ -60,10 +59,10 @@ def _status(robot, walk, at, numbers):
     return jnp.where(missing, PlanStatus.NO_FOOTHOLD, status).astype(jnp.int32)
 
 
-def _nodes(load_share: Float[ArrayLike, ""]):
-    """Phase index, share and quadrature weight (in shares of the phase) of every node of a cycle."""
+def _nodes(load_share: Float[ArrayLike, ""], cycles: int):
+    """Phase index, share and quadrature weight (in shares of the phase) of every node of a walk."""
     phase, share, weight = [], [], []
-    for index, leg in enumerate(SWING_LEG):
+    for index, leg in enumerate(SWING_LEG * cycles):
         for start, width, order in _pieces(load_share, swing=leg != SHIFT):
             x, w = np.polynomial.legendre.leggauss(order)
             phase.append(np.full(order, index))
@@ -75,6 +74,6 @@ def _nodes(load_share: Float[ArrayLike, ""]):
 def _pieces(load_share, swing: bool):
     """Smooth pieces (start, width, nodes): load off, foot up, foot down, load on; or two halves of a body shift."""
     if not swing:
-        return [(0.0, 0.5, 6), (0.5, 0.5, 6)]
+        return [(0.0, 0.5, 4), (0.5, 0.5, 4)]
     half = 0.5 - load_share
-    return [(0.0, load_share, 3), (load_share, half, 7), (0.5, half, 7), (1.0 - load_share, load_share, 3)]
+    return [(0.0, load_share, 2), (load_share, half, 5), (0.5, half, 5), (1.0 - load_share, load_share, 2)]

@@ -123,7 +123,7 @@ class Search:
 
 @dataclasses.dataclass(frozen=True)
 class Simulation:
-    """Resolution of plan and rollout. Each walk has a warm-up cycle and a metered one."""
+    """Resolution of plan and rollout. A walk has two cycles, both metered."""
 
     shift_samples: int = setting(60, min=8, max=1000, help="reference samples a body shift")
     swing_samples: int = setting(50, min=8, max=1000, help="reference samples a swing")

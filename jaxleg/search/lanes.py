@@ -21,14 +21,14 @@ from jaxleg.planning.footholds import SearchRectangle
 from jaxleg.planning.planner import Choice, Site, choose_footholds, crawl
 from jaxleg.planning.proxy import checks as plan_checks
 from jaxleg.planning.proxy import evaluate
-from jaxleg.planning.reference import instants, samples_per_cycle, to_reference
+from jaxleg.planning.reference import instants, to_reference
 from jaxleg.robot import Robot
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
 from jaxleg.sim.rollout import Meters, simulate
 from jaxleg.stance import gait_constraints
 
-CYCLES = 2  # a warm-up cycle, then the metered one
+CYCLES = 2  # of a walk, both metered: it starts in its own periodic posture, so that there is nothing to warm up
 CONSTRAINTS = ("knee_bend", "margin", "torque", "search_behind", "step_reach", "search_reach", "knee_clear")
 SCALES = np.array([np.deg2rad(1.0), 0.01, 0.05, 0.01, 0.01, 0.01, 0.01])  # what counts as one unit of violation
 
@@ -98,7 +98,7 @@ class Lab:
         return choose_footholds(params, self.rectangle, site, self.cells, CYCLES)
 
     def proxy(self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting) -> Score:
-        """Judge one lane by the energy proxy of its last cycle."""
+        """Judge one lane by the energy proxy of its walk."""
         params = to_params(vector)
         seen = evaluate(self.robot, self.walk(params, site, choice, setting.least_bend), self.settings(setting.least_bend))
         energy = _per_metre(seen.energy, seen.distance)
@@ -121,8 +121,7 @@ class Lab:
         params, settings = to_params(vector), self.settings(setting.least_bend)
         walk = self.walk(params, site, choice, setting.least_bend)
         time, at = instants(self.robot, walk, settings, self.samples)
-        metered, track = (CYCLES - 1) * samples_per_cycle(self.samples), to_reference(time, at)
-        meters = simulate(self.engine, self.robot, self.ground, site.terrain, track, self.steps, metered)
+        meters = simulate(self.engine, self.robot, self.ground, site.terrain, to_reference(time, at), self.steps)
         energy, checks = _per_metre(meters.energy, meters.distance), plan_checks(self.robot, walk, at)
         slack = self.slack(params, checks, setting)
         objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(slack)

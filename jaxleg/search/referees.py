@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.energy import CONVENTIONS, Power, electrical
-from jaxleg.planning.reference import reference, samples_per_cycle
+from jaxleg.planning.reference import reference
 from jaxleg.search.contest import BEND_SLACK, Contest
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import CYCLES, Lab, in_chunks, to_params
+from jaxleg.search.lanes import Lab, in_chunks, to_params
 from jaxleg.plan import PlanStatus
 from jaxleg.sim.referee import replay
 
@@ -20,8 +20,7 @@ def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int
     score = lab.proxy_lanes(jnp.asarray(vectors, float), lanes.site, lanes.setting)
     tracks = references(lab, vectors, lanes)
     terrains, tracks = (unstack(jax.tree.map(np.asarray, tree)) for tree in (lanes.site.terrain, tracks))
-    metered = (CYCLES - 1) * samples_per_cycle(lab.samples)
-    verdicts = replay(lab.robot, terrains, tracks, metered, float(lab.ground.friction))
+    verdicts = replay(lab.robot, terrains, tracks, float(lab.ground.friction))
     seen = {name: np.array([getattr(v, name) for v in verdicts]) for name in verdicts[0]._fields}
     power = Power(seen["mechanical"], seen["mechanical_positive"], seen["joule"])
     energy = np.stack([np.asarray(electrical(power, convention)) / seen["distance"] for convention in CONVENTIONS], axis=-1)

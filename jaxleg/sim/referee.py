@@ -40,7 +40,7 @@ class Verdict(NamedTuple):
 
 
 def replay(
-    robot: Robot, terrains: list[HeightMap], references: list[Reference], metered_from: int, friction: float
+    robot: Robot, terrains: list[HeightMap], references: list[Reference], friction: float, metered_from: int = 0
 ) -> list[Verdict]:
     """Replay walks, each on its own terrain, on two threads. `metered_from` is the first metered sample of the references.
 

@@ -65,7 +65,7 @@ def simulate(
     terrain: HeightMap,
     reference: Reference,
     steps: int,
-    metered_from: int,
+    metered_from: int = 0,
 ) -> Meters:
     """Follow a reference with so many steps between samples; meter it from sample `metered_from` on.
 

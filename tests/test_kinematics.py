@@ -1,0 +1,189 @@
+"""Forward and inverse kinematics as laws over random legs, and against paper A and MuJoCo."""
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from jaxleg import kinematics
+from jaxleg.kinematics import Reach
+from jaxleg.numerics import matvec
+from jaxleg.sim.mjcf import robot_mjcf
+
+N = 200
+forward = jax.jit(jax.vmap(kinematics.foot_position))
+inverse = jax.jit(jax.vmap(kinematics.leg_angles))
+
+
+@pytest.fixture(scope="module")
+def legs():
+    """Random legs of either side, with lateral, fore-aft and vertical offsets, and feet below their hips in reach."""
+    rng = np.random.default_rng(1)
+    side = rng.choice([-1.0, 1.0], N)
+    axis = np.zeros((N, 3, 3))
+    axis[:, 0, 0], axis[:, 1:, 1] = side, -1.0
+    offset = np.zeros((N, 3, 3))
+    offset[:, 0] = rng.uniform([-0.1, 0.0, -0.05], [0.1, 0.1, 0.05], (N, 3))
+    offset[:, 1:] = rng.uniform([-0.08, -0.03, -0.4], [0.08, 0.03, -0.2], (N, 2, 3))
+    offset[..., 1] *= side[:, None]
+    lengths = np.hypot(offset[:, 1:, 0], offset[:, 1:, 2])
+    near, far = abs(lengths[:, 0] - lengths[:, 1]) + 0.03, lengths.sum(axis=1) - 0.005
+    reach, pitch, roll = rng.uniform(near, far), rng.uniform(-0.9, 0.9, N), rng.uniform(-0.7, 0.7, N)
+    x, lateral = offset[:, 0, 0] + reach * np.sin(pitch), offset[..., 1].sum(axis=1)
+    depth = np.maximum(reach * np.cos(pitch) - offset[:, 0, 2], 0.02)
+    y, z = (
+        lateral * np.cos(roll) + depth * np.sin(roll),
+        lateral * np.sin(roll) - depth * np.cos(roll),
+    )
+    return tuple(map(jnp.array, (axis, offset, np.stack([x, y, z], axis=-1))))
+
+
+def paper_foot(hip, lengths, angles):
+    """Paper A, equation (2): right leg."""
+    (x_hip, y_hip, z_hip), (l1, l2, l3), (t1, t2, t3) = hip, lengths, angles
+    drop = l2 * np.cos(t2) + l3 * np.cos(t2 + t3)
+    y0, z0 = y_hip - l1 * np.cos(t1), z_hip + l1 * np.sin(t1)
+    x2 = x_hip + l2 * np.sin(t2) + l3 * np.sin(t2 + t3)
+    return np.array([x2, y0 - np.sin(t1) * drop, z0 - np.cos(t1) * drop])
+
+
+@pytest.mark.parametrize("knee_sign", [1.0, -1.0])
+def test_forward_undoes_inverse_on_both_knee_branches(legs, knee_sign):
+    axis, offset, foot = legs
+    angles, status = inverse(axis, offset, jnp.full(N, knee_sign), foot)
+    assert np.mean(status == Reach.OK) > 0.9
+    ok = status == Reach.OK
+    assert_allclose(forward(axis, offset, angles)[ok], foot[ok], atol=1e-9)
+    tilt = np.arctan2(offset[:, 1:, 0], -offset[:, 1:, 2])
+    assert np.all((angles[:, 2] + tilt[:, 1] - tilt[:, 0])[ok] * knee_sign > 0)
+
+
+@pytest.mark.parametrize("leg", [1, 3])
+def test_right_legs_are_equation_2(pegasus, leg):
+    rng = np.random.default_rng(2)
+    for angles in rng.uniform(-1.2, 1.2, (5, 3)):
+        ours = kinematics.foot_position(pegasus.joint_axis[leg], pegasus.link_offset[leg], jnp.array(angles))
+        hip = np.asarray(pegasus.hip_position[leg])
+        assert_allclose(hip + ours, paper_foot(hip, (0.08, 0.26, 0.34), angles), atol=1e-12)
+
+
+def test_left_legs_mirror_right_ones(pegasus):
+    angles = jnp.tile(jnp.array([0.3, -0.4, 0.9]), (4, 1))
+    foot = forward(pegasus.joint_axis, pegasus.link_offset, angles)
+    assert_allclose(foot[0::2], foot[1::2] * np.array([1.0, -1.0, 1.0]), atol=1e-12)
+    assert np.all(foot[0::2, 1] > 0.2)  # positive hip: outwards
+
+
+def test_all_feet_are_mujocos(pegasus):
+    model = mujoco.MjModel.from_xml_string(robot_mjcf(pegasus))
+    data, rng = mujoco.MjData(model), np.random.default_rng(3)
+    for _ in range(5):
+        angles, quat = rng.uniform(-1.5, 1.5, (4, 3)), rng.normal(size=4)
+        quat /= np.linalg.norm(quat)
+        place = rng.normal(size=3)
+        data.qpos[:] = np.concatenate([place, quat, angles.ravel()])
+        mujoco.mj_kinematics(model, data)
+        feet = forward(pegasus.joint_axis, pegasus.link_offset, jnp.array(angles))
+        turn = kinematics.rotation_from_quaternion(jnp.array(quat))
+        assert_allclose(place + matvec(turn, pegasus.hip_position + feet), data.site_xpos, atol=1e-12)
+
+
+def test_jacobian_is_the_derivative(legs):
+    axis, offset, foot = legs
+    angles, _ = inverse(axis, offset, jnp.ones(N), foot)
+    ours = jax.jit(jax.vmap(lambda *a: kinematics.foot_jacobian(kinematics.leg_frames(*a))))
+    autodiff = jax.jit(jax.vmap(jax.jacobian(kinematics.foot_position, argnums=2)))
+    assert_allclose(ours(axis, offset, angles), autodiff(axis, offset, angles), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("foot", "status", "bend"),
+    [
+        ((0.1, 0.08, -0.5), Reach.OK, None),
+        ((0.3, 0.08, -0.6), Reach.TOO_FAR, 0.0),
+        ((0.0, 0.08, -0.61), Reach.TOO_FAR, 0.0),
+        ((0.0, 0.08, -0.05), Reach.TOO_NEAR, np.pi),
+        ((0.2, 0.05, -0.01), Reach.TOO_NEAR, None),  # nearer the roll axis than the hip link
+    ],
+)
+def test_reach(pegasus, foot, status, bend):
+    axis, offset = pegasus.joint_axis[0], pegasus.link_offset[0]
+    angles, ours = kinematics.leg_angles(axis, offset, 1.0, jnp.array(foot))
+    assert ours == status
+    assert np.all(np.isfinite(angles))
+    if bend is not None:
+        assert_allclose(kinematics.knee_bend(offset, angles), bend, atol=1e-9)
+
+
+@pytest.mark.parametrize("z", [-0.60, -0.65, -0.08, -0.05])
+@pytest.mark.parametrize("knee_sign", [1.0, -1.0])
+def test_gradients_are_finite_stretched_folded_and_beyond(pegasus, knee_sign, z):
+    axis, offset = pegasus.joint_axis[0], pegasus.link_offset[0]
+    slope = jax.jacobian(lambda p: kinematics.leg_angles(axis, offset, knee_sign, p)[0])
+    assert np.all(np.isfinite(slope(jnp.array([0.0, 0.08, z]))))
+
+
+def test_inverse_jacobian_is_the_gradient_of_the_inverse(legs):
+    axis, offset, foot = (a[:20] for a in legs)
+    slope = jax.jit(jax.vmap(jax.jacobian(lambda *a: kinematics.leg_angles(*a)[0], argnums=3)))
+    angles, status = inverse(axis, offset, jnp.ones(20), foot)
+    jacobian = jax.vmap(jax.jacobian(kinematics.foot_position, argnums=2))(axis, offset, angles)
+    ok = status == Reach.OK
+    assert_allclose((slope(axis, offset, jnp.ones(20), foot) @ jacobian)[ok], np.tile(np.eye(3), (ok.sum(), 1, 1)), atol=1e-8)
+
+
+@pytest.mark.parametrize("leg", range(4))
+def test_joint_rates_are_finite_differences(pegasus, leg):
+    axis, offset, h = pegasus.joint_axis[leg], pegasus.link_offset[leg], 1e-4
+    start = np.array([-0.05, offset[0, 1], -0.5])
+
+    def foot(t):
+        return start + np.array([0.1 * np.sin(3 * t), 0.05 * np.sin(2 * t + 1), 0.06 * np.cos(4 * t)])
+
+    def rate(t, order):
+        phase = order * np.pi / 2
+        amounts = (0.1 * 3**order, 0.05 * 2**order, 0.06 * 4**order)
+        return jnp.array(amounts) * np.array(
+            [np.sin(3 * t + phase), np.sin(2 * t + 1 + phase), np.cos(4 * t + phase)]
+        )
+
+    times = np.array([0.2, 0.9, 1.7])
+    around = np.stack([[foot(t + k * h) for k in (-1, 0, 1)] for t in times]).reshape(-1, 3)
+    same = [jnp.broadcast_to(a, (9, *a.shape)) for a in (axis, offset)]
+    q = np.asarray(inverse(*same, jnp.ones(9), jnp.array(around))[0]).reshape(3, 3, 3)
+    for t, (before, now, after) in zip(times, q):
+        frames = kinematics.leg_frames(axis, offset, jnp.array(now))
+        velocity, acceleration = kinematics.joint_rates(frames, rate(t, 1), rate(t, 2))
+        assert_allclose(velocity, (after - before) / (2 * h), atol=1e-5)
+        assert_allclose(acceleration, (after - 2 * now + before) / h**2, atol=1e-4)
+
+
+def test_joint_rates_are_finite_at_the_stretched_leg(pegasus):
+    frames = kinematics.leg_frames(pegasus.joint_axis[0], pegasus.link_offset[0], jnp.zeros(3))
+    rates = kinematics.joint_rates(frames, jnp.ones(3), jnp.ones(3))
+    assert np.all(np.isfinite(rates))
+
+
+@pytest.mark.parametrize("degrees", [0.0, 20.0, 90.0, 150.0])
+def test_reach_for_bend_is_the_distance_at_that_bend(pegasus, degrees):
+    offset, bend = pegasus.link_offset[0], np.radians(degrees)
+    foot = kinematics.foot_position(pegasus.joint_axis[0], offset, jnp.array([0.0, -0.3, bend]))
+    assert_allclose(kinematics.reach_for_bend(offset, bend), np.linalg.norm(foot - offset[0]), atol=1e-12)
+    assert_allclose(kinematics.knee_bend(offset, jnp.array([0.0, -0.3, -bend])), bend)
+
+
+@pytest.mark.parametrize("axis", np.eye(3).tolist() + [[0.6, 0.0, -0.8]])
+def test_rotation_about_an_axis_is_that_of_its_quaternion(axis):
+    angle, axis = 0.7, jnp.array(axis)
+    quaternion = jnp.concatenate([jnp.array([np.cos(angle / 2)]), np.sin(angle / 2) * axis])
+    rotation = kinematics.rotation_about(axis, angle)
+    assert_allclose(rotation, kinematics.rotation_from_quaternion(quaternion), atol=1e-12)
+    assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+
+
+def test_vmap_is_a_stack(legs):
+    batch = [a[:3] for a in legs]
+    one_by_one = [kinematics.leg_angles(batch[0][i], batch[1][i], 1.0, batch[2][i])[0] for i in range(3)]
+    assert_allclose(jax.vmap(kinematics.leg_angles)(*batch[:2], jnp.ones(3), batch[2])[0], jnp.stack(one_by_one))
