@@ -89,11 +89,12 @@ class Reference(NamedTuple):
 
 
 class PlanChecks(NamedTuple):
-    """What constrains a plan, as numbers over its metered cycle."""
+    """What constrains a plan, as numbers over the whole walk."""
 
     knee_bend: Float[Array, ""]  # least [rad]
     margin: Float[Array, ""]  # least planned stability margin [m]
     torque_ratio: Float[Array, ""]  # greatest |torque| over its limit
+    load: Float[Array, ""]  # least vertical force of a standing foot over a quarter of the weight: at 0 it lifts off
     lowering: Float[Array, ""]  # [m]
     status: Int[Array, ""]  # PlanStatus
 

@@ -28,7 +28,7 @@ def standing_load(
 ) -> Float[Array, "leg 3"]:
     """Ground forces [N] on 3 or 4 standing feet by moment balance about the centre of mass (least norm for 4).
 
-    `com`, `feet` in any upright frame [m]. Three feet leave no choice of the vertical forces; a negative one says that
+    `com`, `feet` in any upright frame [m]. Three feet on level ground leave no choice; a negative one says that
     the centre of mass lies outside the support triangle.
     """
     weight = robot.mass * GRAVITY * jnp.array([0.0, 0.0, 1.0], feet.dtype)

@@ -56,7 +56,7 @@ def test_inverse3_safe_is_finite_with_gradient_where_singular(scale):
     a = jnp.diag(jnp.array([1.0, 1.0, scale]))
     inverse = numerics.inverse3_safe(a)
     assert np.all(np.isfinite(inverse))
-    assert np.all(np.isfinite(jax.jacobian(numerics.inverse3_safe)(a)))
+    assert np.all(np.isfinite(jax.jit(jax.jacobian(numerics.inverse3_safe))(a)))
     if scale:
         assert_allclose(inverse, np.linalg.inv(a))
 
@@ -76,5 +76,5 @@ def test_solve_block_arrow_is_the_dense_solution():
     legs = np.stack([dense[k : k + 3, k : k + 3] for k in (6, 9, 12, 15)])
     coupling = dense[:6, 6:].reshape(6, 4, 3).swapaxes(0, 1)
     parts = (dense[:6, :6], coupling, legs, rhs[:6], rhs[6:].reshape(4, 3))
-    x, y = numerics.solve_block_arrow(*map(jnp.array, parts))
+    x, y = jax.jit(numerics.solve_block_arrow)(*map(jnp.array, parts))
     assert_allclose(np.concatenate([x, y.ravel()]), np.linalg.solve(dense, rhs), rtol=1e-9)

@@ -12,6 +12,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from jaxleg.conventions import GRAVITY
 from jaxleg.energy import Power, motor_power
 from jaxleg.gait import SHIFT, SWING_LEG, stability_margin
 from jaxleg.kinematics import Reach
@@ -47,7 +48,9 @@ def checks(robot: Robot, walk: Walk, at: Instant) -> PlanChecks:
     feet, loaded = at.feet[..., :2], at.weight > 0.01
     margin = jnp.min(jax.vmap(stability_margin)(at.com[:, :2], feet, loaded))
     ratio = jnp.max(jnp.abs(at.torque) / robot.torque_limit)
-    return PlanChecks(jnp.min(at.bend), margin, ratio, walk.lowering, _status(robot, walk, at, margin + ratio))
+    load = jnp.min(jnp.where(loaded, at.load, jnp.inf)) / (0.25 * robot.mass * GRAVITY)
+    status = _status(robot, walk, at, margin + ratio + load)
+    return PlanChecks(jnp.min(at.bend), margin, ratio, load, walk.lowering, status)
 
 
 def _status(robot, walk, at, numbers):

@@ -12,7 +12,7 @@ from jaxleg.conventions import GRAVITY
 from jaxleg.dynamics import Motion, all_leg_frames, centre_of_mass, torques_on_ground
 from jaxleg.gait import PHASES, SHIFT, SWING_LEG
 from jaxleg.kinematics import joint_rates, knee_bend
-from jaxleg.numerics import cross, matvec
+from jaxleg.numerics import cross, dot, matvec
 from jaxleg.plan import Phases, Reference, Walk
 from jaxleg.planning.crawl import CrawlSettings
 from jaxleg.planning.posture import joint_angles, trunk_rotation
@@ -30,6 +30,7 @@ class Instant(NamedTuple):
     pose_rate: Float[Array, "4"]
     feet: Float[Array, "leg 3"]  # in W
     weight: Float[Array, "leg"]
+    load: Float[Array, "leg"]  # vertical contact force over its weight's share of the load [N]; negative would pull
     com: Float[Array, "3"]  # in W
     bend: Float[Array, "leg"]  # knee bend [rad]
     reach: jax.Array  # `Reach` a leg
@@ -49,10 +50,11 @@ def instant(robot: Robot, walk: Walk, settings: CrawlSettings, phase: Phases, sh
     foot_a = foot_a - jax.vmap(_moving_frame, in_axes=(None, None, 0, 0))(spin, spin_rate, arm, foot_v)
     velocity, acceleration = jax.vmap(joint_rates)(frames, foot_v, foot_a)
     weight = load_weight(phase, share, settings.load_share)
-    torque, _ = torques_on_ground(robot, frames, Motion(velocity, acceleration, spin, spin_rate, felt), weight)
+    torque, force = torques_on_ground(robot, frames, Motion(velocity, acceleration, spin, spin_rate, felt), weight)
+    load = dot(force, to_trunk[:, 2]) / jnp.maximum(weight, 1e-3)
     com = pose[:3] + matvec(trunk_rotation(pose[3]), centre_of_mass(robot, frames))
     bend = jax.vmap(knee_bend)(robot.link_offset, angles)
-    return Instant(angles, velocity, torque, pose, pose_rate, feet, weight, com, bend, reach)
+    return Instant(angles, velocity, torque, pose, pose_rate, feet, weight, load, com, bend, reach)
 
 
 def _derivatives(walk, settings, phase, share):

@@ -9,7 +9,7 @@ from jaxtyping import Array
 from jaxleg.energy import CONVENTIONS
 from jaxleg.plan import PlanStatus
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import Lab
+from jaxleg.search.lanes import LEAST_LOAD, Lab
 
 LEAST_MARGIN = 0.02  # static walking needs some stability margin [m]
 
@@ -25,7 +25,8 @@ class Agreement(NamedTuple):
 
 
 def random_gaits(lab: Lab, key: Array, lanes: Lanes, bounds: np.ndarray, count: int, tries: int = 20) -> tuple[np.ndarray, Lanes]:
-    """Gaits uniform in the bounds that are feasible on their terrain: planned, knee bend kept, some margin, torque in limits."""
+    """Gaits uniform in the bounds that are feasible on their terrain: planned, knee bend kept, some margin, torque in limits,
+    no foot unloaded by inertia."""
     vectors = np.array(jax.random.uniform(key, (count * tries, bounds.shape[0]), minval=bounds[:, 0], maxval=bounds[:, 1]))
     index = np.arange(len(vectors)) % lanes.count
     found: list[int] = []
@@ -35,7 +36,7 @@ def random_gaits(lab: Lab, key: Array, lanes: Lanes, bounds: np.ndarray, count: 
         some = lanes.take(index[part])
         checks = lab.proxy_lanes(vectors[part], some.site, some.setting).checks
         ok = (checks.status == PlanStatus.OK) & (checks.margin > LEAST_MARGIN) & (checks.torque_ratio < 1.0)
-        ok &= checks.lowering == 0.0
+        ok &= (checks.lowering == 0.0) & (checks.load > LEAST_LOAD)
         found += list(part[ok])
         if len(found) >= count:
             break

@@ -12,7 +12,7 @@ from jaxleg.search.lanes import CONSTRAINTS, Score
 from jaxleg.sim.rollout import Meters
 
 BEND_SLACK = np.deg2rad(0.2)  # a knee bend counts as kept down to this much under the least one
-ACTIVE = dict(zip(CONSTRAINTS, (np.deg2rad(0.5), 0.005, 0.05, 0.01, 0.01, 0.01, 0.005)))  # slack that counts as binding
+ACTIVE = dict(zip(CONSTRAINTS, (np.deg2rad(0.5), 0.005, 0.05, 0.05, 0.01, 0.01, 0.01, 0.005)))  # slack that counts as binding
 
 
 class Contest(NamedTuple):

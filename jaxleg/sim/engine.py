@@ -52,7 +52,7 @@ def mjx_engine(robot: Robot) -> Engine:
         arm = foot - com
 
         def jacobian(dofs):  # column of a dof: its velocity at the foot
-            moved = linear[dofs] + cross(spin[dofs], jnp.broadcast_to(arm[:, None], (4, *spin[dofs].shape[-2:])))
+            moved = linear[dofs] + cross(*jnp.broadcast_arrays(spin[dofs], arm[:, None]))
             return jnp.swapaxes(moved, -1, -2)
 
         legs = 6 + jnp.arange(12).reshape(4, 3)

@@ -1,5 +1,6 @@
 """MJCF of a `Robot`: the model that MJX and C MuJoCo simulate, and that travels with a plan."""
 
+from types import SimpleNamespace
 from xml.etree import ElementTree as xml
 
 import numpy as np
@@ -57,5 +58,5 @@ def _text(values) -> str:
     return " ".join(repr(float(value)) for value in np.ravel(values))
 
 
-def _concrete(robot: Robot) -> Robot:
-    return Robot(**{name: np.asarray(value, np.float64) for name, value in vars(robot).items()})
+def _concrete(robot: Robot) -> SimpleNamespace:
+    return SimpleNamespace(**{name: np.asarray(value, np.float64) for name, value in vars(robot).items()})
