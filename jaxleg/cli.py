@@ -101,8 +101,9 @@ def run_study(study: Any, robot: Any, robot_file: Path, out: Path, resume: bool)
     """Open the run folder, run the study with a progress bar, write the result, its figures and a table."""
     from rich.console import Console
 
+    from jaxleg.search.run import CONTESTANTS, make_lab, work
     from jaxleg.search.run_folder import RunFolder
-    from jaxleg.search.study import CONTESTANTS, make_lab, run, work
+    from jaxleg.search.study import run
     from jaxleg.viz.terminal import progress, result_table
 
     console = Console()

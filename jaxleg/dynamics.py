@@ -80,9 +80,7 @@ def _leg_inverse_dynamics(frames, hip, com, mass, inertia, velocity, acceleratio
     return jnp.stack(torques[::-1]), Wrench(force, moment + cross(hip, force))
 
 
-def inverse_dynamics(
-    robot: Robot, frames: LegFrames, motion: Motion
-) -> tuple[Float[Array, "leg joint"], Wrench]:
+def inverse_dynamics(robot: Robot, frames: LegFrames, motion: Motion) -> tuple[Float[Array, "leg joint"], Wrench]:
     """Joint torques [N m] and trunk wrench that produce a motion without contact (recursive Newton-Euler).
 
     The torques include the reflected rotor inertia and the joint's viscous loss; the wrench is what the ground must give.
@@ -101,9 +99,7 @@ def inverse_dynamics(
     return torque, Wrench(force + jnp.sum(wrench.force, axis=0), moment + jnp.sum(wrench.moment, axis=0))
 
 
-def share_load(
-    feet: Float[Array, "leg 3"], weight: Float[Array, "leg"], wrench: Wrench
-) -> Float[Array, "leg 3"]:
+def share_load(feet: Float[Array, "leg 3"], weight: Float[Array, "leg"], wrench: Wrench) -> Float[Array, "leg 3"]:
     """Contact forces that add up to a wrench, with the least sum of |f_i|^2 / weight_i.
 
     `feet` [m] relative to the point the moment is about; weight 0 is a foot in the air, at least three feet must have a

@@ -16,9 +16,7 @@ SWING_LEG = (SHIFT, LEGS.index("RH"), LEGS.index("RF"), SHIFT, LEGS.index("LH"),
 PHASES = len(SWING_LEG)
 
 
-def crossing(
-    a: Float[Array, "2"], b: Float[Array, "2"], c: Float[Array, "2"], d: Float[Array, "2"]
-) -> Float[Array, "2"]:
+def crossing(a: Float[Array, "2"], b: Float[Array, "2"], c: Float[Array, "2"], d: Float[Array, "2"]) -> Float[Array, "2"]:
     """Point where the line a-b meets the line c-d; not finite when they are parallel."""
     along, other, between = b - a, d - c, c - a
     share = _cross2(between, other) / _cross2(along, other)
@@ -42,9 +40,7 @@ def overlap_incentre(
     return incentre(front, hind, crossing(front, swing_hind, hind, swing_front))
 
 
-def stability_margin(
-    com: Float[Array, "2"], feet: Float[Array, "leg 2"], loaded: Bool[Array, "leg"]
-) -> Float[Array, ""]:
+def stability_margin(com: Float[Array, "2"], feet: Float[Array, "leg 2"], loaded: Bool[Array, "leg"]) -> Float[Array, ""]:
     """Distance [m] of the centre of mass inside the hull of the loaded feet, negative outside.
 
     The loaded feet keep their order round the body, so each edge joins a loaded foot to the next loaded one. Two loaded

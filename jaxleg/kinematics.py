@@ -53,9 +53,7 @@ def rotation_from_quaternion(quaternion: Float[Array, "4"]) -> Float[Array, "3 3
     ).reshape(3, 3)
 
 
-def leg_frames(
-    axis: Float[Array, "joint 3"], offset: Float[Array, "joint 3"], angles: Float[Array, "joint"]
-) -> LegFrames:
+def leg_frames(axis: Float[Array, "joint 3"], offset: Float[Array, "joint 3"], angles: Float[Array, "joint"]) -> LegFrames:
     """Frames of the three links. `axis` and `offset` are one leg's `joint_axis` and `link_offset` (paper A, eq. 2)."""
     rotation, origin = jnp.eye(3, dtype=angles.dtype), jnp.zeros(3, angles.dtype)
     rotations, origins, axes = [], [], []
@@ -111,7 +109,7 @@ def leg_angles(
     """
     lateral = jnp.sum(offset[:, 1])
     depth_squared = foot[1] ** 2 + foot[2] ** 2 - lateral**2
-    depth = sqrt_safe(depth_squared)
+    depth = jnp.sqrt(jnp.maximum(depth_squared, 1e-12))  # not 0: arctan2 below has no gradient at the origin
     roll = jnp.arctan2(foot[2], foot[1]) - jnp.arctan2(-depth, lateral)
     roll = jnp.arctan2(jnp.sin(roll), jnp.cos(roll))
     x, down = foot[0] - offset[0, 0], depth + offset[0, 2]

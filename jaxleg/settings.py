@@ -152,9 +152,7 @@ class _Place:
 
     def table(self, value: Any) -> Any:
         self.require(isinstance(value, dict), value)
-        places = {
-            name: self.at(name, kind, field.metadata) for name, (field, kind) in _fields(self.kind).items()
-        }
+        places = {name: self.at(name, kind, field.metadata) for name, (field, kind) in _fields(self.kind).items()}
         for name in value:
             if name not in places:
                 raise self.unknown(name, value[name], places)
@@ -216,9 +214,7 @@ def _limits(rule: Mapping[str, Any]) -> list[tuple[str, Callable[[Any, Any], boo
 
 def _describe(words: str, rule: Mapping[str, Any]) -> str:
     unit = f"[{rule['unit']}]" if rule.get("unit") else ""
-    return ", ".join(
-        [f"{words} {unit}".strip(), *(f"{is_} {_show(limit)}" for is_, _, limit in _limits(rule))]
-    )
+    return ", ".join([f"{words} {unit}".strip(), *(f"{is_} {_show(limit)}" for is_, _, limit in _limits(rule))])
 
 
 def _show(value: Any) -> str:

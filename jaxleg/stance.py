@@ -54,6 +54,4 @@ def nominal_stances(params: GaitParams, first: int, count: int) -> Float[Array, 
     x = 0.5 * (end * params.stance_length + side * params.skew)
     y = 0.5 * side * params.stance_width
     advance = (first + jnp.arange(count))[:, None] * params.step_length
-    return jnp.stack([x + advance, jnp.broadcast_to(y, advance.shape[:1] + y.shape)], axis=-1).astype(
-        params.step_length.dtype
-    )
+    return jnp.stack([x + advance, jnp.broadcast_to(y, advance.shape[:1] + y.shape)], axis=-1).astype(params.step_length.dtype)

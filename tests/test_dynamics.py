@@ -55,9 +55,7 @@ def test_inverse_dynamics_is_mujocos(lopsided, simulation, rng):
         jnp.array(turn.T @ (acceleration[:3] + UP)),
     )
     torque, wrench = inverse_dynamics(lopsided, frames_of(lopsided, legs_of(data.qpos)), motion)
-    assert_allclose(
-        torque, legs_of(data.qfrc_inverse), atol=1e-8
-    )  # qfrc_inverse gives back the joints' damping
+    assert_allclose(torque, legs_of(data.qfrc_inverse), atol=1e-8)  # qfrc_inverse gives back the joints' damping
     assert_allclose(turn @ wrench.force, data.qfrc_inverse[:3], atol=1e-8)
     assert_allclose(wrench.moment, data.qfrc_inverse[3:6], atol=1e-8)
 
@@ -87,9 +85,7 @@ def grasp_matrix(feet):
 @pytest.mark.parametrize("rng", SAMPLES)
 def test_share_load_is_the_weighted_least_norm(rng, loaded):
     feet, weight, force, moment = random_load(rng, loaded)
-    ours = np.asarray(
-        share_load(jnp.array(feet), jnp.array(weight), Wrench(jnp.array(force), jnp.array(moment)))
-    )
+    ours = np.asarray(share_load(jnp.array(feet), jnp.array(weight), Wrench(jnp.array(force), jnp.array(moment))))
     assert_allclose(ours.sum(axis=0), force, atol=1e-9)
     assert_allclose(np.cross(feet, ours).sum(axis=0), moment, atol=1e-9)
     assert_allclose(ours[weight == 0], 0.0)

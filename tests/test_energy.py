@@ -8,13 +8,9 @@ from jaxleg import energy
 RNG = np.random.default_rng(0)
 
 
-@pytest.mark.parametrize(
-    ("speed", "net", "positive", "absolute"), [(2.0, 42.28, 42.28, 42.28), (-2.0, -37.72, 2.28, 42.28)]
-)
+@pytest.mark.parametrize(("speed", "net", "positive", "absolute"), [(2.0, 42.28, 42.28, 42.28), (-2.0, -37.72, 2.28, 42.28)])
 def test_power_by_hand(pegasus, speed, net, positive, absolute):
-    motor = pegasus.__class__(
-        **(vars(pegasus) | {"torque_constant": jnp.array(0.2), "gear_ratio": jnp.array(100.0)})
-    )
+    motor = pegasus.__class__(**(vars(pegasus) | {"torque_constant": jnp.array(0.2), "gear_ratio": jnp.array(100.0)}))
     power = energy.motor_power(motor, jnp.array([20.0]), jnp.array([speed]))  # 1 A through 2.28 Ohm
     values = [energy.electrical(power, convention)[0] for convention in energy.CONVENTIONS]
     assert_allclose(values, [net, positive, absolute])
@@ -42,9 +38,7 @@ def test_conventions_hold_for_sums_as_for_samples(pegasus):
     _, _, power = random_power(pegasus)
     total = energy.Power(*(jnp.sum(part, axis=0) for part in power))
     for convention in energy.CONVENTIONS:
-        assert_allclose(
-            energy.electrical(total, convention), energy.electrical(power, convention).sum(axis=0), atol=1e-12
-        )
+        assert_allclose(energy.electrical(total, convention), energy.electrical(power, convention).sum(axis=0), atol=1e-12)
 
 
 def test_joule_heat_does_not_depend_on_signs_and_is_quadratic(pegasus):

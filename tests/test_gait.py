@@ -90,9 +90,7 @@ def test_overlap_incentre_is_inside_both_support_triangles():
         front, swing_front, hind, swing_hind = random_feet(rng)
         corners = (front, hind, swing_front, swing_hind)
         centre = np.asarray(overlap(*map(jnp.array, corners)))
-        inside = [
-            inside_all_sides(centre, np.stack([front, hind, third])) for third in (swing_front, swing_hind)
-        ]
+        inside = [inside_all_sides(centre, np.stack([front, hind, third])) for third in (swing_front, swing_hind)]
         assert min(inside) > 0
         assert_allclose(inside[0], inside[1], atol=1e-7)  # both share the standing side
 

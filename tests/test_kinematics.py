@@ -114,7 +114,7 @@ def test_reach(pegasus, foot, status, bend):
         assert_allclose(kinematics.knee_bend(offset, angles), bend, atol=1e-9)
 
 
-@pytest.mark.parametrize("z", [-0.60, -0.65, -0.08, -0.05])
+@pytest.mark.parametrize("z", [-0.60, -0.65, -0.08, -0.05, 0.0])
 @pytest.mark.parametrize("knee_sign", [1.0, -1.0])
 def test_gradients_are_finite_stretched_folded_and_beyond(pegasus, knee_sign, z):
     axis, offset = pegasus.joint_axis[0], pegasus.link_offset[0]
@@ -142,9 +142,7 @@ def test_joint_rates_are_finite_differences(pegasus, leg):
     def rate(t, order):
         phase = order * np.pi / 2
         amounts = (0.1 * 3**order, 0.05 * 2**order, 0.06 * 4**order)
-        return jnp.array(amounts) * np.array(
-            [np.sin(3 * t + phase), np.sin(2 * t + 1 + phase), np.cos(4 * t + phase)]
-        )
+        return jnp.array(amounts) * np.array([np.sin(3 * t + phase), np.sin(2 * t + 1 + phase), np.cos(4 * t + phase)])
 
     times = np.array([0.2, 0.9, 1.7])
     around = np.stack([[foot(t + k * h) for k in (-1, 0, 1)] for t in times]).reshape(-1, 3)
@@ -171,7 +169,7 @@ def test_reach_for_bend_is_the_distance_at_that_bend(pegasus, degrees):
     assert_allclose(kinematics.knee_bend(offset, jnp.array([0.0, -0.3, -bend])), bend)
 
 
-@pytest.mark.parametrize("axis", np.eye(3).tolist() + [[0.6, 0.0, -0.8]])
+@pytest.mark.parametrize("axis", [*np.eye(3).tolist(), [0.6, 0.0, -0.8]])
 def test_rotation_about_an_axis_is_that_of_its_quaternion(axis):
     angle, axis = 0.7, jnp.array(axis)
     quaternion = jnp.concatenate([jnp.array([np.cos(angle / 2)]), np.sin(angle / 2) * axis])
@@ -183,6 +181,4 @@ def test_rotation_about_an_axis_is_that_of_its_quaternion(axis):
 def test_vmap_is_a_stack(legs):
     batch = [a[:3] for a in legs]
     one_by_one = [kinematics.leg_angles(batch[0][i], batch[1][i], 1.0, batch[2][i])[0] for i in range(3)]
-    assert_allclose(
-        jax.vmap(kinematics.leg_angles)(*batch[:2], jnp.ones(3), batch[2])[0], jnp.stack(one_by_one)
-    )
+    assert_allclose(jax.vmap(kinematics.leg_angles)(*batch[:2], jnp.ones(3), batch[2])[0], jnp.stack(one_by_one))

@@ -30,9 +30,7 @@ def test_places_are_mirrored(pegasus, field):
     assert np.any(values[..., 1] * np.reshape(LEG_SIDE, (4,) + (1,) * (values.ndim - 2)) > 0)
 
 
-@pytest.mark.parametrize(
-    "field", ["link_mass", "link_inertia", "rotor_inertia", "joint_damping", "torque_limit"]
-)
+@pytest.mark.parametrize("field", ["link_mass", "link_inertia", "rotor_inertia", "joint_damping", "torque_limit"])
 def test_legs_are_alike(pegasus, field):
     values = np.asarray(getattr(pegasus, field))
     assert_allclose(values, np.broadcast_to(values[0], values.shape))

@@ -95,9 +95,7 @@ def refusal(call, *args) -> str:
     return str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "parts"), BAD_FILES, ids=[f"{i}-{parts[0]}" for i, (_, parts) in enumerate(BAD_FILES)]
-)
+@pytest.mark.parametrize(("text", "parts"), BAD_FILES, ids=[f"{i}-{parts[0]}" for i, (_, parts) in enumerate(BAD_FILES)])
 def test_bad_file(tmp_path: Path, text: str, parts: list[str]) -> None:
     path = tmp_path / "study.toml"
     path.write_text(text)
@@ -108,10 +106,7 @@ def test_bad_file(tmp_path: Path, text: str, parts: list[str]) -> None:
 
 def test_unreadable_file(tmp_path: Path) -> None:
     (tmp_path / "latin.toml").write_bytes(b'name = "\xe9"')
-    assert (
-        refusal(load, Study, tmp_path / "no.toml")
-        == f"{tmp_path}/no.toml: cannot be read: No such file or directory"
-    )
+    assert refusal(load, Study, tmp_path / "no.toml") == f"{tmp_path}/no.toml: cannot be read: No such file or directory"
     assert "Is a directory" in refusal(load, Study, tmp_path)
     assert "cannot be read: 'utf-8' codec" in refusal(load, Study, tmp_path / "latin.toml")
 
@@ -139,9 +134,7 @@ def test_mutable_default_is_not_shared() -> None:
 
 def test_dump_refuses_what_it_cannot_write(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    assert refusal(dump, FULL, tmp_path / "file" / "a.toml").endswith(
-        "a.toml: cannot be written: Not a directory"
-    )
+    assert refusal(dump, FULL, tmp_path / "file" / "a.toml").endswith("a.toml: cannot be written: Not a directory")
     assert "cannot be written" in refusal(dump, Study(name="\udcff"), tmp_path / "a.toml")
 
 
@@ -152,9 +145,7 @@ def test_check_looks_at_instances_made_by_code() -> None:
 
 
 def test_command_line_overrides() -> None:
-    args = (
-        "--search.starts 5 --search.no-fast --robots.lean.size 0.125 --extra.size 0.5 --search.tolerance None"
-    )
+    args = "--search.starts 5 --search.no-fast --robots.lean.size 0.125 --extra.size 0.5 --search.tolerance None"
     study = from_command_line(Study, dataclasses.replace(FULL, search=Search()), args.split(), "jaxleg")
     search = Search(starts=5, fast=False)
     robots = {**FULL.robots, "lean": Rock(0.125)}

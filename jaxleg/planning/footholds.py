@@ -43,9 +43,7 @@ def lattice(cells_ahead: int, cells_aside: int) -> np.ndarray:
     return cells[np.lexsort((-cells[:, 1], np.abs(cells[:, 1]), -cells[:, 0]))]
 
 
-def feasible_score(
-    offset: Float[Array, "2"], rectangle: SearchRectangle, length: Float[ArrayLike, ""]
-) -> Float[Array, ""]:
+def feasible_score(offset: Float[Array, "2"], rectangle: SearchRectangle, length: Float[ArrayLike, ""]) -> Float[Array, ""]:
     """Score f in [0, 1] of an offset (ahead, left) [m] inside a rectangle of this length. Paper A, (8) and (9).
 
     d1 is the Manhattan distance to the nominal foothold, d2 the distance to the long centre line; D1 = (L + W)/2, D2 = W/2.

@@ -28,9 +28,7 @@ class Choice(NamedTuple):
     status: Int[Array, "stance leg"]
 
 
-def choose_footholds(
-    params: GaitParams, rectangle: SearchRectangle, site: Site, cells: tuple[int, int], cycles: int
-) -> Choice:
+def choose_footholds(params: GaitParams, rectangle: SearchRectangle, site: Site, cells: tuple[int, int], cycles: int) -> Choice:
     """Choose the footholds of a walk, one cascade for each stance of four feet (paper A, IV.B.3).
 
     Every stance starts from its own nominal footholds along the path. The choice is piecewise constant: no gradient.

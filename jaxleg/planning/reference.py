@@ -97,9 +97,7 @@ def reference(robot: Robot, walk: Walk, settings: CrawlSettings, samples: tuple[
     return to_reference(*instants(robot, walk, settings, samples))
 
 
-def instants(
-    robot: Robot, walk: Walk, settings: CrawlSettings, samples: tuple[int, int]
-) -> tuple[Float[Array, "t"], Instant]:
+def instants(robot: Robot, walk: Walk, settings: CrawlSettings, samples: tuple[int, int]) -> tuple[Float[Array, "t"], Instant]:
     """Times [s] of the samples of `reference`, and everything about the plan at them."""
     phase, share = phase_samples(samples, walk.cycle_time.shape[0])
     phases = jax.tree.map(lambda x: x[phase], walk.phases)
@@ -128,6 +126,4 @@ def to_reference(time: Float[Array, "t"], at: Instant) -> Reference:
     quaternion = jnp.stack([jnp.cos(half), zero, -jnp.sin(half), zero], axis=-1)
     spin = jnp.stack([zero, -at.pose_rate[:, 3], zero], axis=-1)
     velocity = jnp.concatenate([at.pose_rate[:, :3], spin], axis=-1)
-    return Reference(
-        *(time, at.angles, at.velocity, at.torque, at.pose[:, :3], quaternion, velocity, at.feet, at.weight)
-    )
+    return Reference(*(time, at.angles, at.velocity, at.torque, at.pose[:, :3], quaternion, velocity, at.feet, at.weight))

@@ -24,9 +24,7 @@ def foot_path(
     return swing(phase.feet_from, phase.feet_to, phase.apex, inner, lift_share)
 
 
-def load_weight(
-    phase: Phases, share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]
-) -> Float[Array, "leg"]:
+def load_weight(phase: Phases, share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]) -> Float[Array, "leg"]:
     """Weight of each foot in `share_load`: 1 standing, 0 in the air, a smooth transfer at either end of a swing."""
     outer = jnp.minimum(share, 1.0 - share) / load_share
     return 1.0 - phase.swings * smoothstep(outer)

@@ -24,7 +24,9 @@ class Agreement(NamedTuple):
     usable: np.ndarray
 
 
-def random_gaits(lab: Lab, key: Array, lanes: Lanes, bounds: np.ndarray, count: int, tries: int = 20) -> tuple[np.ndarray, Lanes]:
+def random_gaits(
+    lab: Lab, key: Array, lanes: Lanes, bounds: np.ndarray, count: int, tries: int = 20
+) -> tuple[np.ndarray, Lanes]:
     """Gaits uniform in the bounds that are feasible on their terrain: planned, knee bend kept, some margin, torque in limits,
     no foot unloaded by inertia."""
     vectors = np.array(jax.random.uniform(key, (count * tries, bounds.shape[0]), minval=bounds[:, 0], maxval=bounds[:, 1]))

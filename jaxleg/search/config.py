@@ -195,8 +195,7 @@ def check_study(study: Study, source: str, leg_length: float, thigh: float) -> N
     for name, kind in study.kinds.items():
         if kind.difficulty[0] > kind.difficulty[1]:
             raise InputError(
-                f"{source}: kinds.{name}.difficulty is {list(kind.difficulty)}, but its lower end must not exceed its"
-                " upper end"
+                f"{source}: kinds.{name}.difficulty is {list(kind.difficulty)}, but its lower end must not exceed its upper end"
             )
     _check_reach(study, source, leg_length, thigh)
 
@@ -210,7 +209,9 @@ def _check_reach(study: Study, source: str, leg: float, thigh: float) -> None:
         half = np.sqrt(max(leg**2 - low**2, 0.0))
         search = study.rectangle.search_length
         if high <= thigh:
-            raise InputError(f"{source}: {key} is {[low, high]}, but H_COG > L2 (the knee's clearance) asks for more than {thigh:g}")
+            raise InputError(
+                f"{source}: {key} is {[low, high]}, but H_COG > L2 (the knee's clearance) asks for more than {thigh:g}"
+            )
         if low >= leg:
             raise InputError(f"{source}: {key} is {[low, high]}, but the leg's length {leg:g} must exceed its lower end")
         if step[0] >= half:

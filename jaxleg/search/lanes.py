@@ -31,7 +31,7 @@ from jaxleg.stance import gait_constraints
 CYCLES = 2  # of a walk, both metered: it starts in its own periodic posture, so that there is nothing to warm up
 CONSTRAINTS = ("knee_bend", "margin", "torque", "load", "search_behind", "step_reach", "search_reach", "knee_clear")
 SCALES = np.array([np.deg2rad(1.0), 0.01, 0.05, 0.1, 0.01, 0.01, 0.01, 0.01])  # what counts as one unit of violation
-LEAST_LOAD = 0.1  # every standing foot presses down with at least this share of a quarter of the weight
+LEAST_LOAD = 0.05  # every standing foot presses down with at least this share of a quarter of the weight
 
 
 class Setting(NamedTuple):
@@ -113,7 +113,9 @@ class Lab:
         height = params.hip_height - checks.lowering
         gait = gait_constraints(self.robot, height, params.step_length, self.rectangle.length)
         of_plan = (checks.knee_bend - setting.least_bend, checks.margin - setting.margin, 1.0 - checks.torque_ratio)
-        return jnp.stack([*of_plan, checks.load - LEAST_LOAD, gait.search_behind, gait.step_reach, gait.search_reach, gait.knee_clear])
+        return jnp.stack(
+            [*of_plan, checks.load - LEAST_LOAD, gait.search_behind, gait.step_reach, gait.search_reach, gait.knee_clear]
+        )
 
     def simulated(
         self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting
@@ -163,11 +165,11 @@ class Lab:
             gradient, (score, meters) = jax.grad(self.simulated, has_aux=True)(vector, site, choice, setting)
             return score, meters, gradient
 
-        return self._batched(lane)
+        return self._batched(lane, max(1, self.chunk // 2))  # reverse mode needs more memory a lane
 
-    def _batched(self, lane: Callable[..., Any]) -> Callable[..., Any]:
+    def _batched(self, lane: Callable[..., Any], chunk: int | None = None) -> Callable[..., Any]:
         compiled = jax.jit(jax.vmap(lane))
-        return functools.partial(in_chunks, compiled, self.chunk)
+        return functools.partial(in_chunks, compiled, chunk or self.chunk)
 
 
 def in_chunks(function: Callable[..., Any], chunk: int, *batched: Any) -> Any:

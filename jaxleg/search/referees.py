@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.energy import CONVENTIONS, Power, electrical
+from jaxleg.plan import PlanStatus
 from jaxleg.planning.reference import reference
 from jaxleg.search.contest import BEND_SLACK, Contest
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, in_chunks, to_params
-from jaxleg.plan import PlanStatus
 from jaxleg.sim.referee import replay
 
 

@@ -116,7 +116,9 @@ def _controls(robot: Robot, reference: Reference) -> np.ndarray:
     """Control of every step (step, 12): the reference held for `SETTLE`, then followed on a uniform time grid."""
     time = np.asarray(reference.time, float)
     at = np.clip(np.arange(int(np.ceil((SETTLE + time[-1]) / STEP))) * STEP - SETTLE, 0.0, None)
-    flat = [np.asarray(x, float).reshape(len(time), 12) for x in (reference.joint_pos, reference.joint_vel, reference.joint_torque)]
+    flat = [
+        np.asarray(x, float).reshape(len(time), 12) for x in (reference.joint_pos, reference.joint_vel, reference.joint_torque)
+    ]
     position, velocity, torque = (np.stack([np.interp(at, time, x[:, j]) for j in range(12)], axis=1) for x in flat)
     velocity = velocity * (at > 0.0)[:, None]
     kp, kd = (np.asarray(x, float).reshape(12) for x in (robot.stiffness, robot.velocity_gain))

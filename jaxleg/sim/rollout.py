@@ -101,9 +101,7 @@ def initial_state(robot: Robot, ground: Ground, reference: Reference) -> State:
     return State(q, jnp.zeros(18, q.dtype))
 
 
-def step(
-    engine: Engine, robot: Robot, ground: Ground, terrain: HeightMap, state: State, now: Tracking
-) -> tuple[State, _Step]:
+def step(engine: Engine, robot: Robot, ground: Ground, terrain: HeightMap, state: State, now: Tracking) -> tuple[State, _Step]:
     """One semi-implicit step of dt towards the tracked joint reference."""
     dt, terms = now.dt, engine(state.q, state.v)
     angles, trunk_v, leg_v = state.q[7:].reshape(4, 3), state.v[:6], state.v[6:].reshape(4, 3)

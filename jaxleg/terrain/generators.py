@@ -63,9 +63,7 @@ def stairs(
     return grid.map(rise * jnp.floor((along - offset) / run))
 
 
-def rough(
-    grid: Grid, key: Array, amplitude: Float[ArrayLike, ""], correlation_length: Float[ArrayLike, ""]
-) -> HeightMap:
+def rough(grid: Grid, key: Array, amplitude: Float[ArrayLike, ""], correlation_length: Float[ArrayLike, ""]) -> HeightMap:
     """Random ground: a sum of `WAVES` plane waves of random direction and phase, standard deviation amplitude / 2 [m].
 
     The wave vectors are normal with standard deviation 1 / correlation_length [rad/m], cut at 2.5 of them, so the

@@ -29,9 +29,7 @@ def normal(terrain: HeightMap, xy: Float[Array, "2"]) -> Float[Array, "3"]:
     return up * jax.lax.rsqrt(jnp.sum(up * up))
 
 
-def height_and_gradient(
-    terrain: HeightMap, xy: Float[Array, "2"]
-) -> tuple[Float[Array, ""], Float[Array, "2"]]:
+def height_and_gradient(terrain: HeightMap, xy: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, "2"]]:
     """Height [m] and its gradient at xy in W: bicubic Hermite interpolation of the cells' centres, once differentiable.
 
     The slopes at the centres are harmonic means of the neighbouring differences (zero at an extremum), so flat treads stay
@@ -50,9 +48,7 @@ def height_and_gradient(
     node, along_x, along_y = patch[1:3, 1:3], _node_slopes(patch[:, 1:3]), _node_slopes(patch[1:3].T).T
 
     def surface(value_x, slope_x, value_y, slope_y):
-        return jnp.sum(
-            value_x[:, None] * (node * value_y + along_y * slope_y) + slope_x[:, None] * (along_x * value_y)
-        )
+        return jnp.sum(value_x[:, None] * (node * value_y + along_y * slope_y) + slope_x[:, None] * (along_x * value_y))
 
     gradient = [surface(rate_x, bend_x, value_y, slope_y), surface(value_x, slope_x, rate_y, bend_y)]
     gradient = jnp.where(inside, jnp.stack(gradient) / terrain.resolution, 0.0)

@@ -77,9 +77,7 @@ def _extent(walk: Walk, posture: Posture) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
 
 
-def _cells_in_view(
-    terrain: HeightMap, low: np.ndarray, high: np.ndarray
-) -> tuple[np.ndarray, tuple[float, ...]]:
+def _cells_in_view(terrain: HeightMap, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
     """Elevation of the cells in view and their outer edges (left, right, bottom, top) [m]."""
     origin, step = np.asarray(terrain.origin), float(terrain.resolution)
     size = np.array(terrain.elevation.shape)

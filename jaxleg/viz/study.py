@@ -9,7 +9,6 @@ import numpy as np
 
 from jaxleg.plan import GaitParams, Reference, Walk
 from jaxleg.planning.reference import reference
-from jaxleg.robot import Robot
 from jaxleg.search.config import PARAMETERS, Study
 from jaxleg.search.lanes import Lab
 from jaxleg.search.sites import make_sites

@@ -1,5 +1,7 @@
 """What the controllers follow: exact for cubic motions, and its steps fill the reference's time."""
 
+import itertools
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -36,7 +38,7 @@ def reference(torque):
 
 
 def step_starts(steps):
-    return np.concatenate([a + (b - a) * np.arange(steps) / steps for a, b in zip(TIMES[:-1], TIMES[1:])])
+    return np.concatenate([a + (b - a) * np.arange(steps) / steps for a, b in itertools.pairwise(TIMES)])
 
 
 @pytest.mark.parametrize("steps", [1, 2, 5])

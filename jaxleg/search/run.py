@@ -1,0 +1,93 @@
+"""One run of a study: what its stages share, what they remember in the run folder, and where they report progress."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxleg.planning.footholds import SearchRectangle
+from jaxleg.robot import Robot
+from jaxleg.search.config import BASELINES, MOVED, Study, baseline
+from jaxleg.search.lanes import Lab
+from jaxleg.search.run_folder import RunFolder
+from jaxleg.sim.contact import Ground
+
+STAGES = tuple(MOVED)
+CONTESTANTS = BASELINES + STAGES
+UNBOUND = -10.0  # a margin floor [m] that never binds
+STEP_UNITS = 0.4  # units of work of a step of the descent
+
+
+class Report(Protocol):
+    """Where progress goes: `done` units of `total`, and a line on what is going on."""
+
+    def __call__(self, done: float, text: str) -> None: ...
+
+
+def make_lab(study: Study, robot: Robot) -> Lab:
+    """The lab of a study: everything its lanes share."""
+    table, sim = study.rectangle, study.simulation
+    numbers = (table.search_length, table.search_width, table.longer, table.nominal_weight, 0.0)
+    rectangle = SearchRectangle(*(jnp.asarray(x, float) for x in numbers))
+    half = np.array([0.5 * (table.search_length + table.longer), 0.5 * table.search_width])
+    cells = tuple(int(n) for n in np.floor(half / study.terrains.resolution + 1e-3))
+    return Lab(
+        robot=robot,
+        rectangle=rectangle,
+        ground=Ground(friction=sim.friction),
+        speed=study.speed,
+        clearance=sim.clearance,
+        load_share=sim.load_share,
+        cells=cells,
+        samples=(sim.shift_samples, sim.swing_samples),
+        steps=sim.steps,
+        chunk=sim.chunk,
+        convention=study.power,
+    )
+
+
+def work(study: Study) -> float:
+    """Units of work of a whole study, about a second each: what `Report` counts up to."""
+    groups = 1 if study.one_for_all else len(study.kinds)
+    return STEP_UNITS * study.search.steps * groups + 20.0 * groups + 18.0 * len(study.kinds) + 10.0
+
+
+@dataclasses.dataclass
+class Run:
+    """One run of a study: its settings, its folder and what is shared between the stages."""
+
+    study: Study
+    robot: Robot
+    folder: RunFolder
+    report: Report
+
+    def __post_init__(self) -> None:
+        self.lab = make_lab(self.study, self.robot)
+        self.kinds = tuple(self.study.kinds)
+        self.seconds: dict[str, float] = {}
+        self.done = 0.0
+
+    def tell(self, units: float, text: str) -> None:
+        """Report progress by so many units of work."""
+        self.done += units
+        self.report(self.done, text)
+
+    def remember(self, stage: str, like: Any, compute: Callable[[], Any]) -> Any:
+        """The stage's answer from the run folder, or computed now and saved there."""
+        saved = self.folder.load(stage, like)
+        if saved is None:
+            saved = compute()
+            self.folder.save(stage, saved)
+        return saved
+
+    def clock(self, stage: str, began: float) -> None:
+        """Add the seconds since `began` to a stage's time."""
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
+
+
+def contestants(study: Study, kind: str, best: np.ndarray) -> np.ndarray:
+    """Parameter vectors of all contestants on a kind, in the order of `CONTESTANTS`."""
+    return np.concatenate([[baseline(study, kind, name) for name in BASELINES], best])

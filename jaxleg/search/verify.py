@@ -1,0 +1,111 @@
+"""The verification of a study: held-out terrains in simulation, the proxy's honesty, the referee."""
+
+import time
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxleg.search import agreement, referees
+from jaxleg.search.config import PARAMETERS, bounds
+from jaxleg.search.contest import Contest, contest
+from jaxleg.search.descent import Lanes
+from jaxleg.search.lanes import CONSTRAINTS, Setting
+from jaxleg.search.run import CONTESTANTS, STAGES, UNBOUND, Run, contestants
+from jaxleg.search.sites import make_sites
+
+
+def held_out_lanes(state: Run, kind: str, best: np.ndarray) -> tuple[np.ndarray, Lanes]:
+    """All contestants on all held-out terrains of a kind, contestant by contestant."""
+    site = make_sites(state.study, float(state.robot.foot_radius), kind, held_out=True)
+    vectors, count = contestants(state.study, kind, best), site.valid.shape[0]
+    bend = np.deg2rad(state.study.kinds[kind].least_knee_bend_deg)
+    numbers = (jnp.full(count, x, float) for x in (bend, UNBOUND, 1.0))
+    lanes = Lanes(site, Setting(*numbers)).take(np.tile(np.arange(count), len(vectors)))
+    return np.repeat(vectors, count, axis=0), lanes
+
+
+def held_out(state: Run, kind: str, best: np.ndarray) -> Contest:
+    """Simulate all contestants on the kind's held-out terrains; margins' slack is against the traditional baseline's."""
+    began = time.perf_counter()
+    vectors, lanes = held_out_lanes(state, kind, best)
+
+    def compute() -> Contest:
+        score, meters = state.lab.simulate_lanes(jnp.asarray(vectors, float), lanes.site, lanes.setting)
+        seen = contest(score, meters, np.asarray(lanes.setting.least_bend), len(CONTESTANTS))
+        return with_margin_slack(seen, score.checks.margin.reshape(len(CONTESTANTS), -1))
+
+    result = state.remember(f"{kind}/held_out", empty_contest(len(CONTESTANTS), len(vectors) // len(CONTESTANTS)), compute)
+    state.clock("held_out", began)
+    state.tell(8.0, f"{kind}: contestants compared on {result.fell.shape[1]} held-out terrains")
+    return result
+
+
+def with_margin_slack(seen: Contest, margin: np.ndarray) -> Contest:
+    """Put the slack of the planned margin against the traditional baseline's in its place."""
+    slack = seen.slack.copy()
+    slack[..., CONSTRAINTS.index("margin")] = margin - margin[CONTESTANTS.index("traditional")]
+    return seen._replace(slack=slack)
+
+
+def empty_contest(count: int, lanes: int) -> Contest:
+    """A contest of the right shapes and types, to load a saved one into."""
+    number, flag = np.zeros((count, lanes), np.asarray(jnp.zeros((), float)).dtype), np.zeros((count, lanes), bool)
+    by_convention, by_constraint = (np.zeros((count, lanes, n), number.dtype) for n in (3, len(CONSTRAINTS)))
+    return Contest(by_convention, number, number, number, number, number, number, flag, flag, by_constraint)
+
+
+def check_proxy(state: Run) -> dict[str, Any]:
+    """Proxy against simulation over random feasible gaits, in equal shares on the kinds that are not stairs."""
+    began, study = time.perf_counter(), state.study
+    kinds = [kind for kind in state.kinds if study.kinds[kind].generator != "stairs"] or list(state.kinds)
+    count = study.search.proxy_gaits // len(kinds)
+
+    def compute() -> agreement.Agreement:
+        parts = []
+        for kind in kinds:
+            site = make_sites(study, float(state.robot.foot_radius), kind, held_out=False)
+            size = site.valid.shape[0]
+            bend = np.deg2rad(study.kinds[kind].least_knee_bend_deg)
+            lanes = Lanes(site, Setting(*(jnp.full(size, x, float) for x in (bend, UNBOUND, 1.0))))
+            span = bounds(study, kind, STAGES[-1])
+            key = jax.random.fold_in(jax.random.key(study.seed), 200 + state.kinds.index(kind))
+            parts.append((*agreement.random_gaits(state.lab, key, lanes, span, count), span))
+        vectors = np.concatenate([part[0] for part in parts])
+        lanes = jax.tree.map(lambda *x: jnp.concatenate(x), *(part[1] for part in parts))
+        return agreement.compare(state.lab, vectors, lanes, parts[0][2])
+
+    like = empty_agreement(count * len(kinds))
+    result = agreement.agreement(state.remember("proxy", like, compute))
+    state.clock("proxy", began)
+    state.tell(10.0, "proxy compared with simulation")
+    return result
+
+
+def empty_agreement(count: int) -> agreement.Agreement:
+    """An agreement of the right shapes and types, to load a saved one into."""
+    number = np.zeros(count, np.asarray(jnp.zeros((), float)).dtype)
+    gradient = np.zeros((count, len(PARAMETERS)), number.dtype)
+    return agreement.Agreement(number, number, gradient, gradient, np.zeros(count, bool))
+
+
+def referee(state: Run, kind: str, best: np.ndarray) -> Contest:
+    """Replay contestants on some held-out terrains in C MuJoCo."""
+    began, study = time.perf_counter(), state.study
+    count = min(
+        study.search.referee_terrains // len(state.kinds),
+        make_sites(study, float(state.robot.foot_radius), kind, held_out=True).valid.shape[0],
+    )
+    vectors, lanes = held_out_lanes(state, kind, best)
+    total = len(vectors) // len(CONTESTANTS)
+    pick = np.linspace(0, total - 1, count).round().astype(int)
+    index = (np.arange(len(CONTESTANTS))[:, None] * total + pick).reshape(-1)
+    result = state.remember(
+        f"{kind}/referee",
+        empty_contest(len(CONTESTANTS), count),
+        lambda: referees.replay_contest(state.lab, vectors[index], lanes.take(index), len(CONTESTANTS)),
+    )
+    state.clock("referee", began)
+    state.tell(8.0, f"{kind}: {count} held-out terrains replayed in C MuJoCo")
+    return result
