@@ -99,7 +99,13 @@ def leg_numbers(robot: Any) -> tuple[float, float]:
 
 def run_study(study: Any, robot: Any, robot_file: Path, out: Path, resume: bool) -> int:
     """Open the run folder, run the study with a progress bar, write the result, its figures and a table."""
+    import contextlib
+    import io
+
     from rich.console import Console
+
+    with contextlib.redirect_stdout(io.StringIO()):  # MJX prints that its optional Warp back end is not there
+        import mujoco.mjx  # noqa: F401
 
     from jaxleg.search.run import CONTESTANTS, make_lab, work
     from jaxleg.search.run_folder import RunFolder

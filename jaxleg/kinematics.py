@@ -109,7 +109,7 @@ def leg_angles(
     """
     lateral = jnp.sum(offset[:, 1])
     depth_squared = foot[1] ** 2 + foot[2] ** 2 - lateral**2
-    depth = jnp.sqrt(jnp.maximum(depth_squared, 1e-12))  # not 0: arctan2 below has no gradient at the origin
+    depth = jnp.sqrt(jnp.maximum(depth_squared, 1e-12))  # arctan2(0, 0) has no gradient
     roll = jnp.arctan2(foot[2], foot[1]) - jnp.arctan2(-depth, lateral)
     roll = jnp.arctan2(jnp.sin(roll), jnp.cos(roll))
     x, down = foot[0] - offset[0, 0], depth + offset[0, 2]

@@ -5,7 +5,6 @@ LAPACK calls on 3x3 and 6x6 systems are several times slower. Functions with a `
 their singular point (the double-`where` idiom); each has a test there.
 """
 
-import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
@@ -69,21 +68,16 @@ def _cofactors(a):
     return jnp.stack(columns, axis=-1), dot(rows[0], columns[0])[..., None, None]
 
 
-def solve_spd(a: Float[Array, "n n"], b: Float[Array, "n"]) -> Float[Array, "n"]:
-    """Solve a x = b for a small symmetric positive definite matrix by an unrolled Cholesky factorisation."""
-    n = b.shape[0]
-    lower: list[list] = [[None] * n for _ in range(n)]
-    inverse_diagonal, y = [], []
-    for j in range(n):
-        pivot = jax.lax.rsqrt(a[j, j] - sum(lower[j][k] ** 2 for k in range(j)))
-        inverse_diagonal.append(pivot)
-        for i in range(j + 1, n):
-            lower[i][j] = (a[i, j] - sum(lower[i][k] * lower[j][k] for k in range(j))) * pivot
-        y.append((b[j] - sum(lower[j][k] * y[k] for k in range(j))) * pivot)
-    x = [None] * n
-    for j in reversed(range(n)):
-        x[j] = (y[j] - sum(lower[i][j] * x[i] for i in range(j + 1, n))) * inverse_diagonal[j]
-    return jnp.stack(x)
+def solve_spd6(a: Float[Array, "6 6"], b: Float[Array, "6"]) -> Float[Array, "6"]:
+    """Solve a x = b for a symmetric positive definite 6x6 matrix by elimination of its upper 3x3 block.
+
+    A tenth of the operations of an unrolled Cholesky factorisation, which is what compilation time counts.
+    """
+    inverse = inverse3(a[:3, :3])
+    gain = matmul(inverse, a[:3, 3:])
+    schur = a[3:, 3:] - matmul(a[3:, :3], gain)
+    lower = matvec(inverse3(schur), b[3:] - matvec(gain.T, b[:3]))
+    return jnp.concatenate([matvec(inverse, b[:3]) - matvec(gain, lower), lower])
 
 
 def solve_block_arrow(
@@ -102,5 +96,5 @@ def solve_block_arrow(
     """
     gain = matmul(coupling, inverse3(legs))
     schur = trunk - jnp.sum(matmul(gain, jnp.swapaxes(coupling, -1, -2)), axis=0)
-    x = solve_spd(schur, trunk_rhs - jnp.sum(matvec(gain, leg_rhs), axis=0))
+    x = solve_spd6(schur, trunk_rhs - jnp.sum(matvec(gain, leg_rhs), axis=0))
     return x, matvec(inverse3(legs), leg_rhs - matvec(jnp.swapaxes(coupling, -1, -2), x))

@@ -61,10 +61,9 @@ def test_inverse3_safe_is_finite_with_gradient_where_singular(scale):
         assert_allclose(inverse, np.linalg.inv(a))
 
 
-@pytest.mark.parametrize("n", [1, 3, 6])
-def test_solve_spd_is_numpys(n):
-    a, b = spd(n), RNG.normal(size=n)
-    assert_allclose(numerics.solve_spd(jnp.array(a), jnp.array(b)), np.linalg.solve(a, b), rtol=1e-9)
+def test_solve_spd6_is_numpys():
+    a, b = spd(6), RNG.normal(size=6)
+    assert_allclose(numerics.solve_spd6(jnp.array(a), jnp.array(b)), np.linalg.solve(a, b), rtol=1e-9)
 
 
 def test_solve_block_arrow_is_the_dense_solution():

@@ -81,10 +81,11 @@ def _ground_pitch(feet: Float[Array, "leg 3"]) -> Float[Array, ""]:
 def lowering_needed(
     robot: Robot, pose: Float[Array, "4"], feet: Float[Array, "leg 3"], bend: Float[ArrayLike, ""]
 ) -> tuple[Float[Array, "leg"], Float[Array, "leg"]]:
-    """How far the trunk must come down [m] so that each leg keeps at least the knee bend [rad] (A17), 0 where it already does.
+    """How far the trunk must come down [m] so that each leg keeps at least the knee bend [rad] (A17), else 0.
 
     Exact: the foot must lie within a sphere about the hip joint, so the lowering solves a quadratic (the hip link may have a
-    fore-aft and a lateral part, no vertical one). The second value is its discriminant [m^2]; negative means that no lowering helps.
+    fore-aft and a lateral part, no vertical one). The second value is its
+    discriminant [m^2]; negative means that no lowering helps.
     """
     rotation = trunk_rotation(pose[3])
     link = robot.link_offset[:, 0]

@@ -1,4 +1,4 @@
-"""From a walk to joint references: inverse kinematics with exact time derivatives and feed-forward torque by inverse dynamics."""
+"""From a walk to joint references: inverse kinematics with exact rates, feed-forward torque by inverse dynamics."""
 
 from typing import NamedTuple
 

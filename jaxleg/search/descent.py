@@ -16,7 +16,7 @@ class Descent(NamedTuple):
     """State of all descents of a kind of terrain; a pytree of arrays, saved at every checkpoint."""
 
     free: Float[Array, "run parameter"]  # unbounded coordinates
-    optimiser: optax.OptState
+    moments: optax.OptState
     step: Int[Array, ""]
 
 
@@ -58,19 +58,33 @@ def free_gradient(free: Float[Array, "*n parameter"], bounds, gradient) -> Float
     return gradient * (bounds[..., 1] - bounds[..., 0]) * share * (1.0 - share)
 
 
+def make_optimiser(rate: float, steps: int) -> optax.GradientTransformation:
+    """Adam whose rate falls to a tenth along a cosine: the last steps settle between the penalties' walls."""
+    return optax.adam(optax.cosine_decay_schedule(rate, steps, alpha=0.1))
+
+
 def start(
-    key: Array, known: Float[Array, "known parameter"], bounds: Float[Array, "run parameter 2"], starts: int, rate: float
+    key: Array,
+    known: Float[Array, "known parameter"],
+    bounds: Float[Array, "run parameter 2"],
+    starts: int,
+    optimiser: optax.GradientTransformation,
 ) -> Descent:
     """First state: each search begins at the known parameter sets (as far as its bounds and `starts` allow), then at random."""
     runs = bounds.shape[0]
     free = jax.random.normal(key, (runs, bounds.shape[1]), bounds.dtype) * 1.2
     for i in range(min(starts, known.shape[0])):
         free = free.at[i::starts].set(unbounded(known[i], bounds[i::starts]))
-    return Descent(free, optax.adam(rate).init(free), jnp.zeros((), jnp.int32))
+    return Descent(free, optimiser.init(free), jnp.zeros((), jnp.int32))
 
 
 def descend(
-    lab: Lab, lanes: Lanes, bounds: Float[Array, "run parameter 2"], state: Descent, per_step: int, rate: float
+    lab: Lab,
+    lanes: Lanes,
+    bounds: Float[Array, "run parameter 2"],
+    state: Descent,
+    per_step: int,
+    optimiser: optax.GradientTransformation,
 ) -> tuple[Descent, np.ndarray]:
     """One optimiser step of all runs on the next `per_step` terrains; returns the state and each run's mean objective.
 
@@ -84,5 +98,5 @@ def descend(
     usable = np.isfinite(gradient).all(axis=1) & np.isfinite(score.objective)
     gradient = np.where(usable[:, None], gradient, 0.0).reshape(runs, per_step, -1).mean(axis=1)
     objective = np.where(usable, score.objective, np.inf).reshape(runs, per_step).mean(axis=1)
-    update, optimiser = optax.adam(rate).update(free_gradient(state.free, bounds, gradient), state.optimiser)
-    return Descent(optax.apply_updates(state.free, update), optimiser, state.step + 1), objective
+    update, moments = optimiser.update(free_gradient(state.free, bounds, gradient), state.moments)
+    return Descent(optax.apply_updates(state.free, update), moments, state.step + 1), objective

@@ -178,12 +178,16 @@ def in_chunks(function: Callable[..., Any], chunk: int, *batched: Any) -> Any:
     Results are NumPy arrays: memory is that of one chunk, whatever the number of lanes.
     """
     count = jax.tree.leaves(batched)[0].shape[0]
-    parts = []
+    batched, parts = jax.tree.map(jnp.asarray, batched), []
     for start in range(0, count, chunk):
-        index = np.minimum(np.arange(start, start + chunk), count - 1)
-        part = function(*jax.tree.map(lambda x: jnp.asarray(x)[index], batched))
-        parts.append(jax.tree.map(lambda x: np.asarray(x)[: count - start], part))
+        kept = min(chunk, count - start)
+        part = function(*_lanes(batched, np.minimum(np.arange(start, start + chunk), count - 1)))
+        parts.append(_lanes(jax.tree.map(np.asarray, part), slice(kept)))
     return jax.tree.map(lambda *x: np.concatenate(x), *parts)
+
+
+def _lanes(tree, index):
+    return jax.tree.map(lambda x: x[index], tree)
 
 
 def _per_metre(energy, distance):

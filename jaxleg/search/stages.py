@@ -55,10 +55,11 @@ def search_group(state: Run, group: tuple[str, ...], training: dict[str, Lanes])
     spans = jnp.asarray(np.repeat([bounds(study, group[0], stage) for stage in STAGES], search.starts, axis=0), float)
     known = jnp.asarray(np.stack([baseline(study, group[0], c) for c in ("traditional", "paper")]), float)
     key = jax.random.fold_in(jax.random.key(study.seed), 100 + state.kinds.index(group[0]))
-    points = descent.start(key, known, spans, search.starts, search.learning_rate)
+    optimiser = descent.make_optimiser(search.learning_rate, search.steps)
+    points = descent.start(key, known, spans, search.starts, optimiser)
     points = state.folder.load(f"{name}/descent", points) or points
     while int(points.step) < search.steps:
-        points, objective = descent.descend(state.lab, lanes, spans, points, search.lanes, search.learning_rate)
+        points, objective = descent.descend(state.lab, lanes, spans, points, search.lanes, optimiser)
         step = int(points.step)
         for stage, values in zip(STAGES, objective.reshape(len(STAGES), -1)):
             row = {"kind": name, "stage": stage, "step": step, "best": float(values.min()), "mean": float(values.mean())}
@@ -72,7 +73,7 @@ def search_group(state: Run, group: tuple[str, ...], training: dict[str, Lanes])
 
 def rank(state: Run, group: tuple[str, ...], training: dict[str, Lanes], ends: np.ndarray) -> np.ndarray:
     """The best of each search (stage, parameter): the proxy on more terrains than a step saw, then MJX for the best few."""
-    began, study, search = time.perf_counter(), state.study, state.study.search
+    began, search = time.perf_counter(), state.study.search
     lanes = pooled(training, group)
 
     def compute() -> np.ndarray:

@@ -21,7 +21,10 @@ from jaxleg.search.verify import check_proxy, held_out, referee
 
 
 def run(study: Study, robot: Robot, folder: RunFolder, report: Report) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Run (or resume) a study; returns its result and the searched parameter vectors (stage, parameter) of each kind. Raises nothing of its own: failures are counted in the result."""
+    """Run (or resume) a study; returns its result and the searched parameter vectors (stage, parameter) of each kind.
+
+    Raises nothing of its own: failures are counted in the result.
+    """
     state = Run(study, robot, folder, report)
     began = time.perf_counter()
     chosen, held, replays = {}, {}, {}

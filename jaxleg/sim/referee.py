@@ -139,7 +139,7 @@ def _verdict(robot, reference, states, sensors, control, metered_from) -> Verdic
     """Meters from the trajectory: torques as the implicit step applied them, mid-step speeds."""
     q, v = states[:, 1:20], states[:, 20:38]  # after each step
     kp, kd, limit = (np.asarray(x, float).reshape(12) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit))
-    first = int(round((SETTLE + float(reference.time[metered_from])) / STEP))
+    first = round((SETTLE + float(reference.time[metered_from])) / STEP)
     now, after = slice(first - 1, -1), slice(first, None)
     torque = np.clip(control[after] - kp * q[now, 7:] - kd * v[after, 6:], -limit, limit)
     power = torque * 0.5 * (v[now, 6:] + v[after, 6:])
