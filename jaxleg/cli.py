@@ -112,7 +112,7 @@ def run_study(study: Any, robot: Any, robot_file: Path, out: Path, resume: bool)
     from jaxleg.search.study import run
     from jaxleg.viz.terminal import progress, result_table
 
-    console = Console()
+    console = Console(width=None if sys.stdout.isatty() else 110)
     folder = RunFolder.open(out, study, resume)
     console.print(f"searching {', '.join(study.kinds)} at {study.speed:g} m/s; results go to {folder.path}")
     try:

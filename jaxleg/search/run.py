@@ -3,7 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -21,10 +21,7 @@ UNBOUND = -10.0  # a margin floor [m] that never binds
 STEP_UNITS = 0.4  # units of work of a step of the descent
 
 
-class Report(Protocol):
-    """Where progress goes: `done` units of `total`, and a line on what is going on."""
-
-    def __call__(self, done: float, text: str) -> None: ...
+Report = Callable[[float, str], None]  # where progress goes: units of work done, and a line on what is going on
 
 
 def make_lab(study: Study, robot: Robot) -> Lab:

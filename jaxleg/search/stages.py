@@ -78,12 +78,12 @@ def rank(state: Run, group: tuple[str, ...], training: dict[str, Lanes], ends: n
 
     def compute() -> np.ndarray:
         few = spread(lanes, search.rank_lanes)
-        objective = judge(lambda *x: state.lab.proxy_lanes(*x).objective, ends.reshape(-1, ends.shape[-1]), few)
-        order = np.argsort(objective.reshape(ends.shape[:2]), axis=1)[:, : search.candidates]
-        best = np.take_along_axis(ends, order[..., None], axis=1)
-        objective = judge(lambda *x: simulated_objective(state.lab, *x), best.reshape(-1, best.shape[-1]), few)
-        winner = np.argmin(objective.reshape(best.shape[:2]), axis=1)
-        return best[np.arange(len(best)), winner]
+        flat = ends.reshape(-1, ends.shape[-1])
+        objective = judge(lambda *x: state.lab.proxy_lanes(*x).objective, flat, few)
+        pools = [np.argsort(objective[: (i + 1) * search.starts])[: search.candidates] for i in range(len(ends))]
+        candidates = sorted(set(np.concatenate(pools)))  # each search contains the one before it, and so its end points
+        simulated = dict(zip(candidates, judge(lambda *x: simulated_objective(state.lab, *x), flat[candidates], few)))
+        return flat[[min(pool, key=simulated.__getitem__) for pool in pools]]
 
     chosen = state.remember(f"{'+'.join(group)}/ranked", np.zeros(ends[:, 0].shape, ends.dtype), compute)
     state.clock("rank", began)

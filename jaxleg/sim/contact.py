@@ -28,7 +28,7 @@ class Ground(NamedTuple):
     damping: float = 1e3  # d_n [N s/m]
     softness: float = 5e-4  # b: length over which contact sets in [m]
     friction: float = 0.8  # mu
-    creep: float = 5e-3  # v_0: sliding speed at which friction is at 71 % of its limit [m/s]
+    creep: float = 3e-3  # v_0: sliding speed at which friction is at 71 % of its limit [m/s]
 
 
 class FootContact(NamedTuple):

@@ -1,7 +1,7 @@
 """The referee: C MuJoCo replays the same reference on its own height field with its own contacts and integrator.
 
 Nothing of the batched simulation takes part: contacts are MuJoCo's (elliptic cones, Newton solver), the ground a height field
-of twice the map's resolution, the step a uniform 1 ms with `implicitfast`. Only the robot's numbers and the joint reference
+of twice the map's resolution, the step a uniform 2 ms with `implicitfast`. Only the robot's numbers and the joint reference
 are shared.
 """
 
@@ -21,7 +21,7 @@ from jaxleg.robot import Robot
 from jaxleg.sim.mjcf import LINKS, robot_mjcf
 from jaxleg.terrain.heightmap import HeightMap, height
 
-STEP = 1e-3  # [s]
+STEP = 2e-3  # [s]
 SETTLE = 0.3  # the first pose is held this long before the walk [s]
 LOADED = 5.0  # a foot slips only while it carries more than this [N]
 

@@ -12,7 +12,7 @@ NAMES = {
     "traditional": "traditional",
     "implied": "implied",
     "paper": "paper's own",
-    "best_i": "(i) in the paper's band",
+    "best_i": "(i) paper's band",
     "best_ii": "(ii) height, offset, skew",
     "best": "(iii) everything",
 }
@@ -44,36 +44,35 @@ def progress(console: Console, total: float) -> Iterator[Callable[[float, str], 
 
 
 def result_table(result: dict[str, Any]) -> Table:
-    """Energy per metre, saving and what was lost on the way, a row for each contestant and kind of terrain."""
+    """Energy per metre, savings with 95 % intervals and what was lost on the way, a row a contestant and kind of terrain."""
     power = result["power"]
-    table = Table(title=f"held-out terrains, {result['speed']:g} m/s, {power} power", title_justify="left")
+    table = Table(title=f"held-out terrains, {result['speed']:g} m/s, {power} power", title_justify="left", pad_edge=False)
     for column in ("terrain", "contestant"):
-        table.add_column(column)
-    for column in ("energy [J/m]", "saving [%]", "C MuJoCo [%]", "margin [m]", "knee bend [deg]", "falls", "infeasible"):
-        table.add_column(column, justify="right")
+        table.add_column(column, no_wrap=True)
+    for column in ("J/m", "saving % (95 %)", "C MuJoCo %", "margin m", "knee deg", "falls", "unfit"):
+        table.add_column(column, justify="right", no_wrap=True)
     for kind in result["bounds"]:
         for name, label in NAMES.items():
-            table.add_row(kind, label, *_cells(result, name, kind, power), end_section=name == "best")
+            first = kind if name == "traditional" else ""
+            table.add_row(first, label, *_cells(result, name, kind, power), end_section=name == "best")
     return table
 
 
 def _cells(result: dict[str, Any], name: str, kind: str, power: str) -> list[str]:
     row = result[name][kind]
-    energy = row["energy_per_metre"][power]
-    cells = [_interval(energy, 1.0, "{:.0f}")]
+    cells = [_number(row["energy_per_metre"][power]["mean"], "{:.0f}")]
     for engine in ("mjx", "mujoco"):
         saved = result["saving"][engine].get(name, {}).get(kind, {}).get(power)
-        cells.append(_interval(saved, 100.0, "{:.1f}") if saved else "")
+        cells.append(_percent(saved, intervals=engine == "mjx") if saved else "")
     cells += [_number(row["min_stability_margin"], "{:.3f}"), _number(row["min_knee_bend_deg"], "{:.1f}")]
-    return [*cells, f"{row['falls']} of {row['lanes']}", str(row["infeasible"])]
+    return [*cells, f"{row['falls']}/{row['lanes']}", f"{row['infeasible']}/{row['lanes']}"]
 
 
-def _interval(value: dict[str, Any], scale: float, form: str) -> str:
-    if value["mean"] is None:
+def _percent(saved: dict[str, Any], intervals: bool) -> str:
+    if saved["mean"] is None:
         return "none"
-    low, high = (form.format(scale * x) for x in value["ci95"])
-    mean = form.format(scale * value["mean"])
-    return mean if low == high else f"{mean} ({low} to {high})"
+    mean, low, high = (f"{100.0 * x:.1f}" for x in (saved["mean"], *saved["ci95"]))
+    return f"{mean} ({low} to {high})" if intervals and low != high else mean
 
 
 def _number(value: float | None, form: str) -> str:
