@@ -46,21 +46,20 @@ def dispatch(arguments: list[str]) -> int:
 def search(arguments: list[str]) -> int:
     """`jaxleg search`: read and check everything first, then run the study in its folder."""
     from jaxleg.robot import load_robot
-    from jaxleg.search.config import Study, check_study, robot_path
+    from jaxleg.search.config import Kind, Study, check_study, robot_path
     from jaxleg.settings import from_command_line, load
 
     source, out, resume, overrides = split(arguments)
-    study = load(Study, source)
+    study = load(Study, source) if source else Study(kinds={"flat": Kind()})  # no CONFIG: only to show the help
     study = from_command_line(Study, study, overrides, prog="jaxleg search CONFIG")
     path = robot_path(study, source)
-    study = dataclasses.replace(study, robot=os.path.relpath(path, Path(source).parent))
     configure_jax()
     robot = load_robot(path)
     check_study(study, source, *leg_numbers(robot))
     return run_study(study, robot, path, out or Path("runs") / Path(source).stem, resume)
 
 
-def split(arguments: list[str]) -> tuple[str, Path | None, bool, list[str]]:
+def split(arguments: list[str]) -> tuple[str | None, Path | None, bool, list[str]]:
     """The config file, --out, --resume and the remaining overrides of a command line."""
     rest, out, resume = list(arguments), None, "--resume" in arguments
     if resume:
@@ -76,7 +75,7 @@ def split(arguments: list[str]) -> tuple[str, Path | None, bool, list[str]]:
     named = [] if not rest or rest[0].startswith("-") else [rest.pop(0)]
     if not named and not {"-h", "--help"} & set(rest):
         raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
-    return named[0] if named else "configs/quickstart.toml", out, resume, rest
+    return named[0] if named else None, out, resume, rest
 
 
 def configure_jax() -> None:

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxleg.energy import CONVENTIONS, Convention, electrical
+from jaxleg.energy import CONVENTIONS, Convention, Power, electrical
 from jaxleg.plan import GaitParams, PlanChecks
 from jaxleg.planning.crawl import CrawlSettings
 from jaxleg.planning.footholds import SearchRectangle
@@ -102,7 +102,7 @@ class Lab:
         """Judge one lane by the energy proxy of its walk."""
         params = to_params(vector)
         seen = evaluate(self.robot, self.walk(params, site, choice, setting.least_bend), self.settings(setting.least_bend))
-        energy = _per_metre(seen.energy, seen.distance)
+        energy = per_metre(seen.energy, seen.distance)
         slack = self.slack(params, seen.checks, setting)
         lowered = 0.1 * seen.checks.lowering**2  # among equals, the height that needs no lowering
         objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(slack) + lowered
@@ -125,7 +125,7 @@ class Lab:
         walk = self.walk(params, site, choice, setting.least_bend)
         time, at = instants(self.robot, walk, settings, self.samples)
         meters = simulate(self.engine, self.robot, self.ground, site.terrain, to_reference(time, at), self.steps)
-        energy, checks = _per_metre(meters.energy, meters.distance), plan_checks(self.robot, walk, at)
+        energy, checks = per_metre(meters.energy, meters.distance), plan_checks(self.robot, walk, at)
         slack = self.slack(params, checks, setting)
         objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(slack)
         return objective, (Score(objective, energy, slack, checks), meters)
@@ -190,6 +190,7 @@ def _lanes(tree, index):
     return jax.tree.map(lambda x: x[index], tree)
 
 
-def _per_metre(energy, distance):
+def per_metre(energy: Power, distance: Float[Array, ""]) -> Float[Array, "3"]:
+    """Energy per metre [J/m] by convention, from the joints' energies [J] and the way [m]."""
     total = jax.tree.map(jnp.sum, energy)
     return jnp.stack([electrical(total, convention) for convention in CONVENTIONS]) / distance

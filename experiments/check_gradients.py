@@ -1,0 +1,121 @@
+"""Is the gradient of simulated energy per metre true? One full cycle of a crawl in MJX with contact, float64.
+
+At random feasible gaits, the chosen cells held fixed, reverse-mode AD against Richardson-extrapolated central differences
+(steps 2e-4 and 1e-4 of each parameter's range). Error of a gait: the largest over the parameters, each scaled by its
+range, of |AD - FD| / max(|FD|, 1e-2 max |FD|).
+
+    python -m experiments.check_gradients [--quick]
+"""
+
+import dataclasses
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+
+from experiments.common import setup, training, write
+from jaxleg.energy import CONVENTIONS
+from jaxleg.planning.footholds import soft_offset
+from jaxleg.planning.planner import Choice, Site, choose_footholds
+from jaxleg.planning.reference import reference
+from jaxleg.search import agreement
+from jaxleg.search.config import bounds
+from jaxleg.search.descent import Lanes
+from jaxleg.search.lanes import Lab, in_chunks, per_metre, to_params
+from jaxleg.sim.rollout import simulate
+
+STEP = 2e-4  # of a parameter's range
+
+
+def main(gaits: int = 32, out: Path | None = None, quick: bool = False) -> None:
+    """Check `gaits` gaits, half of them on rough ground (8 with `quick`)."""
+    jax.config.update("jax_enable_x64", True)
+    study, lab = setup()
+    lab = dataclasses.replace(lab, chunk=16)
+    count = (8 if quick else gaits) // 2
+    result = {}
+    for kind, target in (("flat", 1e-3), ("rough", 1e-2)):
+        span = bounds(study, kind, "best")
+        vectors, lanes = agreement.random_gaits(lab, jax.random.key(2), training(study, lab, kind), span, count)
+        result[kind] = check(lab, vectors, lanes, span) | {"target": target}
+        print(kind, {key: f"{value:.2e}" if isinstance(value, float) else value for key, value in result[kind].items()})
+    result["soft_choice"] = soft_choice(lab, training(study, lab, "stairs"))
+    print("soft foothold choice, AD against central differences:", f"{result['soft_choice']:.2e}")
+    write("check_gradients", out, result)
+
+
+def cycle_energy(lab: Lab, vector: jax.Array, site: Site, choice: Choice, bend: jax.Array) -> jax.Array:
+    """Energy per metre [J/m] of one simulated cycle from rest, the footholds given."""
+    walk, settings = lab.walk(to_params(vector), site, choice, bend), lab.settings(bend)
+    track = reference(lab.robot, walk, settings, lab.samples)
+    meters = simulate(lab.engine, lab.robot, lab.ground, site.terrain, track, lab.steps)
+    return per_metre(meters.energy, meters.distance)[CONVENTIONS.index(lab.convention)]
+
+
+def check(lab: Lab, vectors: np.ndarray, lanes: Lanes, span: np.ndarray) -> dict[str, float | int]:
+    """Reverse mode against differences, forward mode and float32, over the gaits of one kind of terrain."""
+    lab.engine  # noqa: B018  built outside of any tracing
+    width = span[:, 1] - span[:, 0]
+    vectors = jnp.asarray(vectors)
+    params = jax.vmap(to_params)(vectors)
+    choose_all = jax.jit(jax.vmap(lambda p, s: choose_footholds(p, lab.rectangle, s, lab.cells, 1)))
+    choices = choose_all(params, lanes.site)
+    lane = lambda v, s, c, b: cycle_energy(lab, v, s, c, b)  # noqa: E731
+    arguments = (lanes.site, choices, lanes.setting.least_bend)
+    gradient = in_chunks(jax.jit(jax.vmap(jax.grad(lane))), 8, vectors, *arguments) * width
+    value = jax.jit(jax.vmap(lane))
+    difference = richardson(lambda v: in_chunks(value, 16, v, *arguments), vectors, width)
+    direction = jnp.asarray(width)[None] * jnp.ones_like(vectors)
+    forward = jax.jit(jax.vmap(lambda v, s, c, b, d: jax.jvp(lambda x: lane(x, s, c, b), (v,), (d,))[1]))
+    along = in_chunks(forward, 16, vectors, *arguments, direction)
+    single = single_precision(lab, vectors, arguments) * width
+    scale = np.maximum(np.abs(difference), 1e-2 * np.abs(difference).max(axis=1, keepdims=True))
+    error = (np.abs(gradient - difference) / scale).max(axis=1)
+    size = np.linalg.norm(gradient, axis=1)
+    return {
+        "gaits": len(error),
+        "error_median": float(np.median(error)),
+        "error_p95": float(np.percentile(error, 95)),
+        "forward_reverse": float((np.abs(gradient.sum(axis=1) - along) / size).max()),
+        "float32": float((np.linalg.norm(single - gradient, axis=1) / size).max()),
+    }
+
+
+def richardson(value, vectors: jax.Array, width: np.ndarray) -> np.ndarray:
+    """Central differences at two steps, extrapolated; gradient scaled by the ranges (gait, parameter)."""
+    columns = []
+    for i in range(vectors.shape[1]):
+        at = [value(vectors.at[:, i].add(h * STEP * width[i])) for h in (1.0, -1.0, 0.5, -0.5)]
+        wide, narrow = (at[0] - at[1]) / (2.0 * STEP), (at[2] - at[3]) / STEP
+        columns.append((4.0 * narrow - wide) / 3.0)
+    return np.stack(columns, axis=1)
+
+
+def single_precision(lab: Lab, vectors: jax.Array, arguments) -> np.ndarray:
+    """The same gradient computed in float32."""
+    single = lambda tree: jax.tree.map(lambda x: x.astype(jnp.float32) if x.dtype == jnp.float64 else x, tree)  # noqa: E731
+    with jax.enable_x64(False):
+        small = dataclasses.replace(lab, robot=single(lab.robot), rectangle=single(lab.rectangle))
+        small.engine  # noqa: B018
+        lane = jax.grad(lambda v, s, c, b: cycle_energy(small, v, s, c, b))
+        return np.asarray(in_chunks(jax.jit(jax.vmap(lane)), 8, *single((vectors, *arguments))), np.float64)
+
+
+def soft_choice(lab: Lab, lanes: Lanes) -> float:
+    """Largest relative error of the soft foothold choice's gradient in w1 over stair terrains, temperature 0.05."""
+    nominal = jnp.array([[0.3, 0.18], [0.25, -0.18], [-0.3, 0.18], [-0.35, -0.18]])
+
+    def ahead(weight, site):
+        rectangle = dataclasses.replace(lab.rectangle, nominal_weight=weight)
+        return soft_offset(nominal, site.valid, site.terrain, rectangle, lab.cells, 0.05)[0]
+
+    slope = jax.vmap(jax.grad(ahead), in_axes=(None, 0))(jnp.asarray(0.6), lanes.site)
+    at = [jax.vmap(ahead, in_axes=(None, 0))(jnp.asarray(0.6 + h), lanes.site) for h in (1e-5, -1e-5)]
+    difference = (at[0] - at[1]) / 2e-5
+    return float(jnp.max(jnp.abs(slope - difference)) / jnp.max(jnp.abs(difference)))
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -1,0 +1,51 @@
+"""Does the energy proxy tell gaits apart as simulation does? Random feasible gaits on flat and rough ground, no refit.
+
+Spearman's rank correlation of energy per metre, cosine of the gradients (parameters scaled by their range), bias.
+
+    python -m experiments.check_proxy [--quick]
+"""
+
+from pathlib import Path
+
+import jax
+import numpy as np
+import tyro
+from matplotlib.figure import Figure
+
+from experiments.common import setup, training, write
+from jaxleg.search import agreement
+from jaxleg.search.config import bounds
+
+
+def main(gaits: int = 104, out: Path | None = None, quick: bool = False) -> None:
+    """Compare on `gaits` random gaits, half of them on flat ground (32 with `quick`)."""
+    study, lab = setup()
+    count = (32 if quick else gaits) // 2
+    parts = []
+    for kind in ("flat", "rough"):
+        span = bounds(study, kind, "best")
+        vectors, lanes = agreement.random_gaits(lab, jax.random.key(1), training(study, lab, kind), span, count)
+        parts.append(agreement.compare(lab, vectors, lanes, span))
+    data = jax.tree.map(lambda *x: np.concatenate(x), *parts)
+    result = {"all": agreement.agreement(data)} | dict(zip(("flat", "rough"), map(agreement.agreement, parts)))
+    for name, row in result.items():
+        print(f"{name:6s}", "  ".join(f"{key} {value:.4f}" for key, value in row.items()))
+    write("check_proxy", out, result)
+    draw(parts, (out or Path("runs/check_proxy")) / "proxy.png")
+
+
+def draw(parts: list[agreement.Agreement], path: Path) -> None:
+    """Proxy against simulation, a point a gait."""
+    figure = Figure(figsize=(5, 5), layout="constrained")
+    axes = figure.subplots()
+    for part, name, mark in zip(parts, ("flat", "rough"), "os"):
+        axes.plot(part.simulated[part.usable], part.proxy[part.usable], mark, ms=4, label=name, alpha=0.8)
+    low, high = axes.get_xlim()
+    axes.plot([low, high], [low, high], "k:", lw=1, label="equal")
+    axes.set(xlabel="simulated in MJX [J/m]", ylabel="proxy [J/m]")
+    axes.legend(frameon=False)
+    figure.savefig(path, dpi=150)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -1,0 +1,66 @@
+"""What the experiments share: the quickstart's lab and terrains, timing, and where results go."""
+
+import contextlib
+import io
+import json
+import os
+import platform
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+with contextlib.redirect_stdout(io.StringIO()):  # MJX prints that its optional Warp back end is not there
+    from jaxleg.search.lanes import Lab, Setting
+
+from jaxleg.cli import configure_jax
+from jaxleg.robot import load_robot
+from jaxleg.search.config import Study, robot_path
+from jaxleg.search.descent import Lanes
+from jaxleg.search.run import UNBOUND, make_lab
+from jaxleg.search.sites import make_sites
+from jaxleg.settings import load
+
+CONFIG = Path(__file__).parent.parent / "configs" / "quickstart.toml"
+
+
+def setup() -> tuple[Study, Lab]:
+    """The quickstart's study and lab, with JAX configured as in the command line."""
+    configure_jax()
+    study = load(Study, CONFIG)
+    return study, make_lab(study, load_robot(robot_path(study, CONFIG)))
+
+
+def training(study: Study, lab: Lab, kind: str) -> Lanes:
+    """Training lanes of a kind, judged by energy alone (J/m), no margin floor."""
+    site = make_sites(study, float(lab.robot.foot_radius), kind, held_out=False)
+    count = site.valid.shape[0]
+    bend = np.deg2rad(study.kinds[kind].least_knee_bend_deg)
+    return Lanes(site, Setting(*(jnp.full(count, x, float) for x in (bend, UNBOUND, 1.0))))
+
+
+def timed(function: Callable[..., Any], *arguments: Any, repeats: int = 3) -> float:
+    """Least wall time [s] of a call that is already compiled."""
+    times = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        jax.block_until_ready(function(*arguments))
+        times.append(time.perf_counter() - began)
+    return min(times)
+
+
+def write(name: str, out: Path | None, result: dict[str, Any]) -> None:
+    """Write runs/NAME/result.json with versions and hardware beside the numbers."""
+    folder = out or Path("runs") / name
+    folder.mkdir(parents=True, exist_ok=True)
+    about = {
+        "versions": {package: version(package) for package in ("jax", "mujoco", "mujoco-mjx", "numpy")},
+        "hardware": {"machine": platform.machine(), "cores": os.cpu_count(), "device": str(jax.devices()[0])},
+    }
+    (folder / "result.json").write_text(json.dumps(result | about, indent=2) + "\n")
+    print(f"written: {folder / 'result.json'}")
