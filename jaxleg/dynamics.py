@@ -10,8 +10,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxleg.kinematics import LegFrames, foot_jacobian, leg_frames
-from jaxleg.numerics import cross, dot, inverse3, matvec
+from jaxleg.numerics import cross, dot, matmul, matvec, solve_spd6
 from jaxleg.robot import Robot
+
+TANGENTIAL = 0.05  # how readily a plan uses force across the vertical, see `share_load`
 
 
 class Motion(NamedTuple):
@@ -99,31 +101,41 @@ def inverse_dynamics(robot: Robot, frames: LegFrames, motion: Motion) -> tuple[F
     return torque, Wrench(force + jnp.sum(wrench.force, axis=0), moment + jnp.sum(wrench.moment, axis=0))
 
 
-def share_load(feet: Float[Array, "leg 3"], weight: Float[Array, "leg"], wrench: Wrench) -> Float[Array, "leg 3"]:
+def share_load(
+    feet: Float[Array, "leg 3"],
+    weight: Float[Array, "leg"],
+    wrench: Wrench,
+    up: Float[Array, "3"] | None = None,
+    tangential: float = 1.0,
+) -> Float[Array, "leg 3"]:
     """Contact forces that add up to a wrench, with the least sum of |f_i|^2 / weight_i.
 
     `feet` [m] relative to the point the moment is about; weight 0 is a foot in the air, at least three feet must have a
-    positive one. About the feet's weighted centroid the normal equations fall apart into force and moment, with r_i from it:
-    f_i = w_i (F / sum w + y x r_i),   sum w_i (|r_i|^2 - r_i r_i^T) y = moment about the centroid.
+    positive one. `tangential` < 1 makes force across the unit vector `up` (default: z) that much dearer: feet at different
+    heights then do not push against each other, as in paper A's f_x = 0.
     """
-    total = jnp.sum(weight)
-    centroid = jnp.sum(weight[:, None] * feet, axis=0) / total
-    arm = feet - centroid
-    spread = dot(arm, arm)[:, None, None] * jnp.eye(3, dtype=feet.dtype) - arm[:, :, None] * arm[:, None, :]
-    tensor = jnp.sum(weight[:, None, None] * spread, axis=0)
-    twist = matvec(inverse3(tensor), wrench.moment - cross(centroid, wrench.force))
-    return weight[:, None] * (wrench.force / total + cross(jnp.broadcast_to(twist, arm.shape), arm))
+    up = jnp.array([0.0, 0.0, 1.0], feet.dtype) if up is None else up
+    along = tangential * jnp.eye(3, dtype=feet.dtype) + (1.0 - tangential) * up[:, None] * up[None, :]
+    arm = feet - jnp.sum(weight[:, None] * feet, axis=0) / jnp.sum(weight)  # about the centroid: well conditioned
+    zero = jnp.zeros_like(arm[:, 0])
+    x, y, z = arm[:, 0], arm[:, 1], arm[:, 2]
+    turn = jnp.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
+    grasp = jnp.concatenate([jnp.broadcast_to(jnp.eye(3, dtype=feet.dtype), turn.shape), turn], axis=1)
+    response = weight[:, None, None] * matmul(grasp, jnp.broadcast_to(along, turn.shape))  # leg, wrench, force
+    normal = jnp.sum(matmul(response, jnp.swapaxes(grasp, -1, -2)), axis=0)
+    moment = wrench.moment - cross(feet[0] - arm[0], wrench.force)
+    return jnp.sum(response * solve_spd6(normal, jnp.concatenate([wrench.force, moment]))[:, None], axis=1)
 
 
 def torques_on_ground(
-    robot: Robot, frames: LegFrames, motion: Motion, weight: Float[Array, "leg"]
+    robot: Robot, frames: LegFrames, motion: Motion, weight: Float[Array, "leg"], up: Float[Array, "3"]
 ) -> tuple[Float[Array, "leg joint"], Float[Array, "leg 3"]]:
     """Joint torques [N m] of a motion on the ground and the contact forces [N, in B].
 
     Full inverse dynamics: links' weight and inertia, reflected rotors, joint loss, and tau = -J^T f (paper A III.B with the
-    sign of the motors). `weight` shares the load, see `share_load`.
+    sign of the motors). `weight` shares the load among the feet, `up` is the vertical in B; see `share_load`.
     """
     torque, wrench = inverse_dynamics(robot, frames, motion)
-    force = share_load(robot.hip_position + frames.foot, weight, wrench)
+    force = share_load(robot.hip_position + frames.foot, weight, wrench, up, TANGENTIAL)
     jacobian = jax.vmap(foot_jacobian)(frames)
     return torque - matvec(jnp.swapaxes(jacobian, -1, -2), force), force

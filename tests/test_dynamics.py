@@ -17,6 +17,7 @@ frames_of = jax.jit(dynamics.all_leg_frames)
 inverse_dynamics = jax.jit(dynamics.inverse_dynamics)
 share_load = jax.jit(dynamics.share_load)
 torques_on_ground = jax.jit(dynamics.torques_on_ground)
+UP = jnp.array([0.0, 0.0, 1.0])
 UP = jnp.array([0.0, 0.0, GRAVITY])
 SAMPLES = [np.random.default_rng(seed) for seed in range(4)]
 
@@ -113,7 +114,7 @@ def test_standing_still_does_no_virtual_work(lopsided, rng):
     angles = jnp.array([[0.0, -0.5, 1.0]] * 4 + rng.uniform(-0.3, 0.3, (4, 3)))
     rest = Motion(*[jnp.zeros((4, 3))] * 2, *[jnp.zeros(3)] * 2, UP)
     weight = jnp.array(rng.uniform(0.3, 1.0, 4))
-    torque, force = torques_on_ground(lopsided, frames_of(lopsided, angles), rest, weight)
+    torque, force = torques_on_ground(lopsided, frames_of(lopsided, angles), rest, weight, UP)
 
     def work(q):  # of gravity and ground, whose forces are held constant; the trunk stays
         com = dynamics.centre_of_mass(lopsided, dynamics.all_leg_frames(lopsided, q))
@@ -128,7 +129,7 @@ def test_airborne_leg_bears_only_itself(pegasus):
     angles = jnp.tile(jnp.array([0.1, -0.5, 1.0]), (4, 1))
     rest = Motion(*[jnp.zeros((4, 3))] * 2, *[jnp.zeros(3)] * 2, UP)
     frames = frames_of(pegasus, angles)
-    torque, force = torques_on_ground(pegasus, frames, rest, jnp.array([1.0, 1.0, 0.0, 1.0]))
+    torque, force = torques_on_ground(pegasus, frames, rest, jnp.array([1.0, 1.0, 0.0, 1.0]), UP)
     free, _ = inverse_dynamics(pegasus, frames, rest)
     assert_allclose(force[2], 0.0)
     assert_allclose(torque[2], free[2])

@@ -50,7 +50,9 @@ def instant(robot: Robot, walk: Walk, settings: CrawlSettings, phase: Phases, sh
     foot_a = foot_a - jax.vmap(_moving_frame, in_axes=(None, None, 0, 0))(spin, spin_rate, arm, foot_v)
     velocity, acceleration = jax.vmap(joint_rates)(frames, foot_v, foot_a)
     weight = load_weight(phase, share, settings.load_share)
-    torque, force = torques_on_ground(robot, frames, Motion(velocity, acceleration, spin, spin_rate, felt), weight)
+    torque, force = torques_on_ground(
+        robot, frames, Motion(velocity, acceleration, spin, spin_rate, felt), weight, to_trunk[:, 2]
+    )
     load = dot(force, to_trunk[:, 2]) / jnp.maximum(weight, 1e-3)
     com = pose[:3] + matvec(trunk_rotation(pose[3]), centre_of_mass(robot, frames))
     bend = jax.vmap(knee_bend)(robot.link_offset, angles)

@@ -2,12 +2,14 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import no_type_check
 
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from jaxleg.conventions import InputError
 from jaxleg.terrain.heightmap import HeightMap
 
 WAVES = 64  # plane waves in a rough surface
@@ -33,6 +35,7 @@ class Grid:
         return HeightMap(elevation, jnp.array(self.origin, elevation.dtype), jnp.array(self.resolution, elevation.dtype))
 
 
+@no_type_check  # see HeightMap
 @jax.tree_util.register_dataclass
 @dataclasses.dataclass(frozen=True)
 class TerrainSettings:
@@ -60,19 +63,22 @@ def stairs(
     """Endless stairs up along `heading` [rad]: height = rise * floor((s - offset) / run), s the way along the heading [m]."""
     points = grid.points()
     along = points[..., 0] * jnp.cos(heading) + points[..., 1] * jnp.sin(heading)
-    return grid.map(rise * jnp.floor((along - offset) / run))
+    return grid.map(jnp.floor((along - offset) / run) * rise)
 
 
 def rough(grid: Grid, key: Array, amplitude: Float[ArrayLike, ""], correlation_length: Float[ArrayLike, ""]) -> HeightMap:
     """Random ground: a sum of `WAVES` plane waves of random direction and phase, standard deviation amplitude / 2 [m].
 
-    The wave vectors are normal with standard deviation 1 / correlation_length [rad/m], cut at 2.5 of them, so the
-    autocorrelation is about exp(-r^2 / (2 correlation_length^2)). The ground at a point does not depend on the grid.
+    The wave vectors are normal with standard deviation 1 / correlation_length [rad/m] per axis, cut at 2.5 of them, so the
+    autocorrelation is about exp(-r^2 / (2 correlation_length^2)). Mean 0 and standard deviation are those over many keys at
+    one point. The ground at a point does not depend on the grid.
     """
     key_wave, key_phase = jax.random.split(key)
     waves = jax.random.truncated_normal(key_wave, -2.5, 2.5, (WAVES, 2), float) / correlation_length
     phases = jax.random.uniform(key_phase, (WAVES,), float, 0.0, 2.0 * jnp.pi)
-    angle = jnp.tensordot(grid.points(), waves, axes=([2], [1])) + phases
+    points = grid.points()[:, :, None]
+    # not a matrix product: accelerators may round its factors, and the same key must give the same ground
+    angle = points[..., 0] * waves[:, 0] + points[..., 1] * waves[:, 1] + phases
     return grid.map(0.5 * amplitude * jnp.sqrt(2.0 / WAVES) * jnp.sum(jnp.cos(angle), axis=-1))
 
 
@@ -94,9 +100,24 @@ def _rough(grid, key, difficulty, settings):
 KINDS: dict[str, Callable[..., HeightMap]] = {"flat": _flat, "rough": _rough, "stairs": _stairs}
 
 
+def terrain(kind: str, grid: Grid, key: Array, difficulty: Float[ArrayLike, ""], settings: TerrainSettings) -> HeightMap:
+    """One terrain of a kind in `KINDS`; difficulty 0 is flat, 1 the full rise or amplitude of the settings.
+
+    Raises InputError for a kind that is not in `KINDS`.
+    """
+    if kind not in KINDS:
+        raise InputError(f"terrain kind {kind!r} is unknown; there are {', '.join(sorted(KINDS))}")
+    return KINDS[kind](grid, key, difficulty, settings)
+
+
+def terrain_keys(key: Array, first: int, count: int) -> Array:
+    """Keys of terrains number first ... first + count - 1: each depends on the key and its own number only."""
+    return jax.vmap(jax.random.fold_in, in_axes=(None, 0))(key, first + jnp.arange(count))
+
+
 def terrain_batch(
     kind: str, grid: Grid, key: Array, first: int, difficulties: Float[Array, "n"], settings: TerrainSettings
 ) -> HeightMap:
-    """Terrains number first, first + 1, ...: each depends on the key, its own number and its difficulty only."""
-    keys = jax.vmap(lambda n: jax.random.fold_in(key, n))(first + jnp.arange(difficulties.shape[0]))
-    return jax.vmap(lambda k, d: KINDS[kind](grid, k, d, settings))(keys, difficulties)
+    """Terrains number first, first + 1, ... (leading axis n), one per difficulty, however a batch is cut."""
+    keys = terrain_keys(key, first, difficulties.shape[0])
+    return jax.vmap(lambda k, d: terrain(kind, grid, k, d, settings))(keys, difficulties)

@@ -1,0 +1,95 @@
+"""Stairs obey rise, run, offset and heading; rough ground its statistics; a terrain depends on its key and number only."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from jaxleg.conventions import InputError
+from jaxleg.terrain import KINDS, Grid, TerrainSettings, flat, rough, stairs, terrain, terrain_batch, terrain_keys
+
+GRID = Grid(24, 15, 0.04, (-0.3, -0.2))
+SETTINGS = TerrainSettings()
+
+
+def test_grid_places_its_map():
+    points, ground = np.asarray(GRID.points()), flat(GRID)
+    assert points.shape == (24, 15, 2)
+    assert_allclose(points[[0, -1], [0, -1]], [[-0.3, -0.2], [-0.3 + 23 * 0.04, -0.2 + 14 * 0.04]])
+    assert_allclose(ground.origin, points[0, 0])
+    assert_allclose(ground.resolution, 0.04)
+    assert_allclose(ground.elevation, np.zeros((24, 15)))
+    assert hash(GRID) == hash(Grid(24, 15, 0.04, (-0.3, -0.2)))
+
+
+@pytest.mark.parametrize("heading", [0.0, np.pi / 2, 0.7, -2.0])
+def test_stairs_rise_by_rise_every_run_along_the_heading(heading):
+    rise, run, offset = 0.07, 0.23, 0.11
+    elevation = np.asarray(jax.jit(stairs, static_argnums=0)(GRID, rise, run, offset, heading).elevation)
+    along = np.asarray(GRID.points()) @ [np.cos(heading), np.sin(heading)]
+    tread = np.round(elevation / rise)
+    assert_allclose(elevation, rise * tread, atol=1e-12)
+    assert len(np.unique(tread)) >= 3
+    assert np.all(along >= offset + tread * run - 1e-9)  # between this riser
+    assert np.all(along <= offset + (tread + 1) * run + 1e-9)  # and the next
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_same_key_same_ground_on_a_finer_grid(kind):
+    fine = Grid(2 * 24 - 1, 2 * 15 - 1, 0.02, GRID.origin)
+    key = jax.random.key(3)
+    coarse, finer, other = (
+        np.asarray(terrain(kind, grid, k, 1.0, SETTINGS).elevation)
+        for grid, k in ((GRID, key), (fine, key), (GRID, jax.random.key(4)))
+    )
+    assert_allclose(finer[::2, ::2], coarse, atol=1e-12)
+    assert np.array_equal(coarse, other) == (kind == "flat")
+
+
+def test_rough_has_the_stated_spread_and_correlation():
+    amplitude, length = 0.06, 0.2
+    grid = Grid(2, 4, length / 2, (0.1, 0.7))
+    keys = jax.random.split(jax.random.key(0), 8000)
+    grounds = np.asarray(jax.jit(jax.vmap(lambda k: rough(grid, k, amplitude, length).elevation))(keys))
+    assert_allclose(grounds.mean(axis=0), 0.0, atol=5 * 0.5 * amplitude / np.sqrt(8000))
+    assert_allclose(grounds.std(axis=0), 0.5 * amplitude, rtol=0.04)
+    correlation = [np.corrcoef(grounds[:, 0, 0], grounds[:, 0, k])[0, 1] for k in range(4)]
+    assert_allclose(correlation, np.exp(-0.5 * (np.arange(4) / 2) ** 2), atol=0.06)
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_difficulty_scales_the_heights(kind):
+    make = jax.jit(lambda difficulty: terrain(kind, GRID, jax.random.key(1), difficulty, SETTINGS).elevation)
+    assert_allclose(make(0.0), 0.0, atol=1e-15)
+    assert_allclose(make(0.5), 0.5 * make(1.0), atol=1e-12)
+
+
+def test_stairs_of_many_keys_begin_anywhere_on_a_tread():
+    line = Grid(300, 1, 0.001, (0.0, 0.0))
+    grounds = terrain_batch("stairs", line, jax.random.key(0), 0, jnp.ones(200), SETTINGS).elevation
+    riser = np.argmax(np.diff(grounds[:, :, 0], axis=1) > 0, axis=1) * 0.001
+    assert_allclose(np.quantile(riser, [0.05, 0.5, 0.95]), np.array([0.05, 0.5, 0.95]) * 0.30, atol=0.04)
+
+
+@pytest.mark.parametrize("kind", ["rough", "stairs"])
+def test_a_terrain_does_not_depend_on_how_its_batch_is_cut(kind):
+    key, difficulties = jax.random.key(7), jnp.linspace(0.2, 1.0, 5)
+    whole = terrain_batch(kind, GRID, key, 10, difficulties, SETTINGS)
+    part = terrain_batch(kind, GRID, key, 12, difficulties[2:4], SETTINGS)
+    assert_allclose(whole.elevation[2:4], part.elevation, atol=1e-12)
+    one = terrain(kind, GRID, terrain_keys(key, 13, 1)[0], difficulties[3], SETTINGS)
+    assert_allclose(whole.elevation[3], one.elevation, atol=1e-12)
+
+
+def test_settings_are_leaves_to_batch_over():
+    batch = TerrainSettings(rise=jnp.array([0.02, 0.09]))
+    axes = TerrainSettings(0, *[None] * 4)
+    make = jax.vmap(lambda settings: terrain("stairs", GRID, jax.random.key(0), 1.0, settings).elevation, in_axes=(axes,))
+    low, high = make(batch)
+    assert_allclose(high, 4.5 * low, atol=1e-12)
+
+
+def test_an_unknown_kind_is_an_input_error():
+    with pytest.raises(InputError, match="'lava' is unknown; there are flat, rough, stairs"):
+        terrain("lava", GRID, jax.random.key(0), 1.0, SETTINGS)

@@ -1,0 +1,77 @@
+"""Valid footholds: the definition, cell by cell in NumPy, on random ground with edges and unseen cells."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from jaxleg.terrain import HeightMap, height_and_gradient, valid_cells
+
+RESOLUTION, SHAPE = 0.02, (13, 11)
+
+
+def make(elevation):
+    return HeightMap(jnp.array(elevation), jnp.zeros(2), jnp.array(RESOLUTION))
+
+
+def random_ground(seed):
+    """Smooth ground with a steep part, a step and two unseen cells, one in the corner."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(*(RESOLUTION * np.arange(n) for n in SHAPE), indexing="ij")
+    elevation = rng.uniform(-0.8, 0.8) * x + rng.uniform(2.0, 8.0) * y**2 + 0.002 * rng.normal(size=SHAPE)
+    elevation[rng.integers(2, 11) :] += 0.05 * (seed % 3)
+    elevation[rng.integers(13), rng.integers(11)] = np.nan
+    elevation[-1, -1] = np.nan
+    return elevation
+
+
+def harmonic(before, after):
+    return 2 * before * after / (before + after) if before * after > 0 else 0.0 * before * after
+
+
+def brute_force(elevation, foot_radius, slope_limit, edge_height):
+    beside, reach = ((1, 0), (-1, 0), (0, 1), (0, -1)), range(-4, 5)
+
+    def at(i, j):
+        return elevation[min(max(i, 0), SHAPE[0] - 1), min(max(j, 0), SHAPE[1] - 1)]
+
+    def bad(i, j):
+        i, j = min(max(i, 0), SHAPE[0] - 1), min(max(j, 0), SHAPE[1] - 1)
+        return np.isnan(at(i, j)) or any(abs(at(i + a, j + b) - at(i, j)) > edge_height for a, b in beside)
+
+    def gentle(i, j):
+        slope_x = harmonic(at(i, j) - at(i - 1, j), at(i + 1, j) - at(i, j))
+        slope_y = harmonic(at(i, j) - at(i, j - 1), at(i, j + 1) - at(i, j))
+        return math.atan(math.hypot(slope_x, slope_y) / RESOLUTION) <= slope_limit
+
+    def clear(i, j):
+        disc = [(a, b) for a in reach for b in reach if RESOLUTION * (math.hypot(a, b) - 0.5) <= foot_radius]
+        return not any(bad(i + a, j + b) for a, b in disc)
+
+    return np.array([gentle(i, j) and clear(i, j) for i, j in np.ndindex(*SHAPE)]).reshape(SHAPE)
+
+
+@pytest.mark.parametrize(("foot_radius", "window"), [(0.004, 1), (0.021, 2), (0.021, 4), (0.037, 3)])
+def test_is_the_definition(foot_radius, window):
+    check = jax.jit(jax.vmap(lambda t, r: valid_cells(t, r, window, 0.5, 0.03), in_axes=(0, None)))
+    grounds = np.stack([random_ground(seed) for seed in range(6)])
+    ours = np.asarray(check(jax.vmap(make)(grounds), foot_radius))
+    expected = np.stack([brute_force(ground, foot_radius, 0.5, 0.03) for ground in grounds])
+    assert np.array_equal(ours, expected)
+    assert 0.05 < expected.mean() < 0.95
+
+
+def test_slope_is_that_of_the_sampled_surface():
+    ground = make(np.random.default_rng(5).normal(scale=0.01, size=SHAPE))
+    points = jnp.array([[RESOLUTION * i, RESOLUTION * j] for i, j in np.ndindex(*SHAPE)])
+    _, gradient = jax.jit(jax.vmap(height_and_gradient, in_axes=(None, 0)))(ground, points)
+    steepness = np.arctan(np.linalg.norm(gradient, axis=1)).reshape(SHAPE)
+    limit = float(np.median(steepness)) + 1e-9
+    assert_allclose(valid_cells(ground, 0.01, 1, limit, 1.0), steepness <= limit)
+
+
+def test_level_ground_is_valid_to_its_border():
+    assert np.all(valid_cells(make(np.zeros(SHAPE)), 0.05, 3))
