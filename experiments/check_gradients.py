@@ -1,7 +1,7 @@
 """Is the gradient of simulated energy per metre true? One full cycle of a crawl in MJX with contact, float64.
 
 At random feasible gaits, the chosen cells held fixed, reverse-mode AD against Richardson-extrapolated central differences
-(steps 2e-4 and 1e-4 of each parameter's range). Error of a gait: the largest over the parameters, each scaled by its
+(steps 1e-5 and 5e-6 of each parameter's range). Error of a gait: the largest over the parameters, each scaled by its
 range, of |AD - FD| / max(|FD|, 1e-2 max |FD|).
 
     python -m experiments.check_gradients [--quick]
@@ -26,7 +26,7 @@ from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, in_chunks, per_metre, to_params
 from jaxleg.sim.rollout import simulate
 
-STEP = 2e-4  # of a parameter's range
+STEP = 1e-5  # of a parameter's range
 
 
 def main(gaits: int = 32, out: Path | None = None, quick: bool = False) -> None:

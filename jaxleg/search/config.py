@@ -106,9 +106,9 @@ class Rectangle:
 class Search:
     """The descent on the proxy, the ranking and the polish in simulation."""
 
-    starts: int = setting(4, min=1, help="random starts of each of the three searches")
-    lanes: int = setting(8, min=1, help="terrains a start sees in one step")
-    steps: int = setting(40, min=1, help="steps of the descent")
+    starts: int = setting(5, min=1, help="random starts of each of the three searches")
+    lanes: int = setting(2, min=1, help="terrains a start sees in one step")
+    steps: int = setting(90, min=1, help="steps of the descent")
     learning_rate: float = setting(0.15, above=0.0, max=10.0)
     candidates: int = setting(2, min=1, help="best starts that are ranked in simulation")
     rank_lanes: int = setting(16, min=1, help="terrains for the ranking")
@@ -127,7 +127,7 @@ class Simulation:
 
     shift_samples: int = setting(60, min=8, max=1000, help="reference samples a body shift")
     swing_samples: int = setting(50, min=8, max=1000, help="reference samples a swing")
-    steps: int = setting(4, min=1, max=100, help="simulation steps between samples")
+    steps: int = setting(3, min=1, max=100, help="simulation steps between samples")
     load_share: float = setting(0.1, min=0.02, max=0.3, help="part of a swing phase, at either end, for load transfer")
     clearance: float = setting(0.02, min=0.0, max=0.2, unit="m", help="foot over the ground in mid-swing")
     friction: float = setting(0.8, min=0.1, max=2.0)

@@ -57,8 +57,12 @@ def to_params(vector: Float[Array, "parameter"]) -> GaitParams:
 
 
 def penalty(slack: Float[Array, "constraint"]) -> Float[Array, ""]:
-    """Quadratic penalty of violated constraints: one unit of `SCALES` costs as much as the whole baseline's energy."""
-    return jnp.sum((jax.nn.relu(-slack) / jnp.asarray(SCALES, slack.dtype)) ** 2)
+    """Penalty of violated constraints: quadratic at first, one unit of `SCALES` costs about the baseline's energy.
+
+    Far from feasible it grows only linearly, so that one bad constraint does not drown all the others' gradients.
+    """
+    violation = jax.nn.relu(-slack) / jnp.asarray(SCALES, slack.dtype)
+    return 2.0 * jnp.sum(jnp.sqrt(1.0 + violation**2) - 1.0)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -18,7 +18,7 @@ from jaxleg.sim.contact import Ground
 STAGES = tuple(MOVED)
 CONTESTANTS = BASELINES + STAGES
 UNBOUND = -10.0  # a margin floor [m] that never binds
-STEP_UNITS = 0.4  # units of work of a step of the descent
+STEP_UNITS = 0.2  # units of work of a step of the descent
 
 
 Report = Callable[[float, str], None]  # where progress goes: units of work done, and a line on what is going on
