@@ -50,23 +50,19 @@ def check(result: dict, kind: str, name: str, key: str, target: float | None, po
     """One row: the savings, and what falls short."""
     saved = {engine: result[key][engine][name][kind][power]["mean"] for engine in ("mjx", "mujoco")}
     ours, base = result[name][kind], result[BASE[key]][kind]
+    row = {"kind": kind, "contestant": name, "against": BASE[key], "power": power}
+    if None in saved.values():
+        return row | dict.fromkeys(saved, float("nan")) | {"verdict": "no pairs"}
     faults = []
     if target is not None:
         faults += [f"under {100 * target:.0f} %"] * (saved["mjx"] < target)
-        faults += [f"{ours['falls']} falls"] * (ours["falls"] > 0)
+        faults += [f"{ours['falls'] + base['falls']} falls"] * (ours["falls"] + base["falls"] > 0)
+        faults += ["knee bend"] * (ours["min_knee_bend_deg"] < result["least_knee_bend_deg"][kind] - 0.2)
         faults += ["speed differs"] * (abs(ours["speed"] / base["speed"] - 1.0) > 0.01)
         faults += ["C MuJoCo disagrees"] * (abs(saved["mujoco"] / saved["mjx"] - 1.0) > 0.3)
     speed = ours["speed"] / base["speed"] - 1.0
     verdict = "" if target is None else ", ".join(faults) or "pass"
-    return {
-        "kind": kind,
-        "contestant": name,
-        "against": BASE[key],
-        "power": power,
-        **saved,
-        "speed_difference": speed,
-        "verdict": verdict,
-    }
+    return row | saved | {"speed_difference": speed, "verdict": verdict}
 
 
 if __name__ == "__main__":

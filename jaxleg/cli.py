@@ -52,6 +52,8 @@ def search(arguments: list[str]) -> int:
     source, out, resume, overrides = split(arguments)
     study = load(Study, source) if source else Study(kinds={"flat": Kind()})  # no CONFIG: only to show the help
     study = from_command_line(Study, study, overrides, prog="jaxleg search CONFIG")
+    if source is None:
+        raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
     path = robot_path(study, source)
     configure_jax()
     robot = load_robot(path)

@@ -30,7 +30,8 @@ def gait_constraints(
     robot: Robot, hip_height: Float[ArrayLike, ""], step: Float[ArrayLike, ""], search_length: Float[ArrayLike, ""]
 ) -> GaitConstraints:
     """Paper A, equations (5), (6), (7) and H_COG > L2, as slacks [m]."""
-    half = sqrt_safe(leg_length(robot) ** 2 - jnp.asarray(hip_height) ** 2)
+    hip_height, step, search_length = (jnp.asarray(x) for x in (hip_height, step, search_length))
+    half = sqrt_safe(leg_length(robot) ** 2 - hip_height**2)
     return GaitConstraints(
         search_behind=2.0 * step - search_length,
         step_reach=half - step,

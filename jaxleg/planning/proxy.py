@@ -62,7 +62,7 @@ def _status(robot, walk, at, numbers):
     return jnp.where(missing, PlanStatus.NO_FOOTHOLD, status).astype(jnp.int32)
 
 
-def _nodes(load_share: Float[ArrayLike, ""], cycles: int):
+def _nodes(load_share: Float[Array, ""], cycles: int):
     """Phase index, share and quadrature weight (in shares of the phase) of every node of a walk."""
     phase, share, weight = [], [], []
     for index, leg in enumerate(SWING_LEG * cycles):

@@ -30,7 +30,7 @@ def random_gaits(
     """Gaits uniform in the bounds that are feasible on their terrain: planned, knee bend kept, some margin, torque in limits,
     no foot unloaded by inertia."""
     vectors = np.array(jax.random.uniform(key, (count * tries, bounds.shape[0]), minval=bounds[:, 0], maxval=bounds[:, 1]))
-    index = np.arange(len(vectors)) % lanes.count
+    index = np.arange(len(vectors)) % lanes.number
     found: list[int] = []
     block = lab.chunk * 2
     for start in range(0, len(vectors), block):

@@ -27,7 +27,7 @@ class Lanes(NamedTuple):
     setting: Setting
 
     @property
-    def count(self) -> int:
+    def number(self) -> int:
         """Number of terrains."""
         return self.setting.energy.shape[0]
 
@@ -91,7 +91,7 @@ def descend(
     A lane whose gradient is not finite takes no part in the step; it is counted by the final ranking over all terrains.
     """
     runs = state.free.shape[0]
-    index = (int(state.step) * per_step + np.arange(per_step)) % lanes.count
+    index = (int(state.step) * per_step + np.arange(per_step)) % lanes.number
     some = lanes.take(np.tile(index, runs))
     vectors = jnp.repeat(bounded(state.free, bounds), per_step, axis=0)
     score, gradient = lab.proxy_gradients(vectors, some.site, some.setting)

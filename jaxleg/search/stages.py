@@ -42,9 +42,7 @@ def pooled(training: dict[str, Lanes], group: tuple[str, ...]) -> Lanes:
     joined = jax.tree.map(lambda *x: jnp.concatenate(x), *(training[kind] for kind in group))
     if len(group) == 1:
         return joined
-    ends = np.cumsum([training[kind].count for kind in group])
-    order = np.argsort(np.concatenate([np.arange(training[kind].count) for kind in group]), kind="stable")
-    assert len(order) == ends[-1]
+    order = np.argsort(np.concatenate([np.arange(training[kind].number) for kind in group]), kind="stable")
     return joined.take(order)
 
 
@@ -119,13 +117,13 @@ def polish(state: Run, group: tuple[str, ...], training: dict[str, Lanes], best:
 
 def spread(lanes: Lanes, count: int) -> Lanes:
     """`count` lanes spread evenly over all, each again from the start where there are fewer."""
-    return lanes.take(np.linspace(0, lanes.count - 1, count).round().astype(int))
+    return lanes.take(np.linspace(0, lanes.number - 1, count).round().astype(int))
 
 
 def judge(objective: Callable[..., np.ndarray], vectors: np.ndarray, lanes: Lanes) -> np.ndarray:
     """Mean objective of each vector over the lanes; a lane that cannot be judged costs ten times the baseline."""
-    rows = jnp.repeat(jnp.asarray(vectors), lanes.count, axis=0)
-    many = lanes.take(np.tile(np.arange(lanes.count), len(vectors)))
+    rows = jnp.repeat(jnp.asarray(vectors), lanes.number, axis=0)
+    many = lanes.take(np.tile(np.arange(lanes.number), len(vectors)))
     values = objective(rows, many.site, many.setting).reshape(len(vectors), -1)
     return np.where(np.isfinite(values), values, 10.0).mean(axis=1)
 
@@ -138,7 +136,7 @@ def simulated_objective(lab: Lab, *lanes: Any) -> np.ndarray:
 
 def simulated_gradient(lab: Lab, vector: jax.Array, lanes: Lanes) -> tuple[float, jax.Array]:
     """Mean objective and gradient of one vector over the lanes, in MJX; lanes without a finite gradient stay out."""
-    rows = jnp.tile(vector, (lanes.count, 1))
+    rows = jnp.tile(vector, (lanes.number, 1))
     score, meters, gradient = lab.simulate_gradients(rows, lanes.site, lanes.setting)
     usable = ~meters.fell & np.isfinite(gradient).all(axis=1)
     value = np.where(usable, score.objective, 10.0).mean()

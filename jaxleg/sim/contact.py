@@ -52,7 +52,7 @@ def foot_contact(
     surface, slope = height_and_gradient(terrain, position[:2])
     normal = jnp.stack([-slope[0], -slope[1], jnp.ones_like(surface)])
     normal = normal * jax.lax.rsqrt(1.0 + dot(slope, slope))
-    penetration = radius - (position[2] - surface) * normal[2]
+    penetration = jnp.asarray(radius) - (position[2] - surface) * normal[2]
     depth = penetration / ground.softness
     elastic = ground.stiffness * ground.softness * jax.nn.softplus(depth)
     across = (ground.damping + dt * ground.stiffness) * jax.nn.sigmoid(depth)

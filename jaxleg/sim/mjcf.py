@@ -17,17 +17,17 @@ def robot_mjcf(robot: Robot, feet_contact: bool = False) -> str:
     qpos: position in W, quaternion w x y z, joints; qvel: linear in W, angular in B, joints. The only geoms that collide are
     the foot spheres, and those only with `feet_contact` (MuJoCo's own contacts, for the referee).
     """
-    robot = _concrete(robot)
+    plain = _concrete(robot)
     root = xml.Element("mujoco", model="quadruped")
     xml.SubElement(root, "compiler", angle="radian")
     xml.SubElement(root, "option", gravity=_text([0, 0, -GRAVITY]))
     world = xml.SubElement(root, "worldbody")
     trunk = xml.SubElement(world, "body", name="trunk")
     xml.SubElement(trunk, "freejoint", name="root")
-    _inertial(trunk, robot.trunk_mass, robot.trunk_com, robot.trunk_inertia)
-    _geom(trunk, type="box", size=_text(robot.trunk_size / 2))
+    _inertial(trunk, plain.trunk_mass, plain.trunk_com, plain.trunk_inertia)
+    _geom(trunk, type="box", size=_text(plain.trunk_size / 2))
     for leg, name in enumerate(LEGS):
-        _leg(trunk, robot, leg, name, feet_contact)
+        _leg(trunk, plain, leg, name, feet_contact)
     return xml.tostring(root, encoding="unicode")
 
 

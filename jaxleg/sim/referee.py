@@ -46,11 +46,11 @@ def replay(
 
     A lane falls if it ends up tilted by more than 45 degrees, its trunk sinks below half its height, or it is not finite.
     """
-    models = [_model(robot, terrain, friction) for terrain in terrains]
-    tracks = [_controls(robot, reference) for reference in references]
+    models = [build_model(robot, terrain, friction) for terrain in terrains]
+    tracks = [controls(robot, reference) for reference in references]
     steps = max(len(track) for track in tracks)
     control = np.stack([np.concatenate([t, np.repeat(t[-1:], steps - len(t), axis=0)]) for t in tracks])
-    start = np.stack([_start(model, robot, reference) for model, reference in zip(models, references)])
+    start = np.stack([start_state(model, reference) for model, reference in zip(models, references)])
     workers = [mujoco.MjData(models[0]) for _ in range(2)]
     states, sensors = rollout.rollout(models, workers, start, control, skip_checks=False)
     return [
@@ -59,12 +59,12 @@ def replay(
     ]
 
 
-def _model(robot: Robot, terrain: HeightMap, friction: float) -> mujoco.MjModel:
-    """The robot with its actuators and sensors on a height field of the terrain."""
+def build_model(robot: Robot, terrain: HeightMap, friction: float, finer: int = 2) -> mujoco.MjModel:
+    """The robot with its actuators and sensors on a height field of the terrain, `finer` times its resolution."""
     root = xml.fromstring(robot_mjcf(robot, feet_contact=True))
-    option = root.find("option")
+    option = next(root.iter("option"))
     option.attrib |= {"timestep": repr(STEP), "integrator": "implicitfast", "cone": "elliptic", "impratio": "20"}
-    elevation, place, half = _surface(terrain)
+    elevation, place, half = _surface(terrain, finer)
     low, high = elevation.min(), max(elevation.max(), elevation.min() + 1e-3)
     rows, columns = elevation.T.shape
     asset = xml.SubElement(root, "asset")
@@ -72,7 +72,7 @@ def _model(robot: Robot, terrain: HeightMap, friction: float) -> mujoco.MjModel:
     xml.SubElement(asset, "hfield", name="ground", nrow=str(rows), ncol=str(columns), size=size)
     contact = {"friction": f"{friction} 0.005 0.0001", "solref": "0.004 1", "solimp": "0.95 0.99 0.001", "condim": "3"}
     ground = {"type": "hfield", "hfield": "ground", "pos": f"{place[0]} {place[1]} {low}", "contype": "1", "conaffinity": "1"}
-    xml.SubElement(root.find("worldbody"), "geom", **(ground | contact), priority="1")
+    xml.SubElement(next(root.iter("worldbody")), "geom", **(ground | contact), priority="1")
     for site in root.iter("site"):  # a touch sensor sees the contacts inside its site
         site.set("size", repr(4.0 * float(robot.contact_radius)))
     _actuators(root, robot)
@@ -81,13 +81,13 @@ def _model(robot: Robot, terrain: HeightMap, friction: float) -> mujoco.MjModel:
     return model
 
 
-def _surface(terrain: HeightMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Heights (x, y) of the surface on a grid twice as fine, its centre and half extent [m]."""
+def _surface(terrain: HeightMap, finer: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Heights (x, y) of the surface on a finer grid, its centre and half extent [m]."""
     origin, resolution = np.asarray(terrain.origin, float), float(terrain.resolution)
-    count = 2 * np.array(terrain.elevation.shape) - 1
-    axes = [origin[i] + 0.5 * resolution * np.arange(count[i]) for i in (0, 1)]
+    count = finer * (np.array(terrain.elevation.shape) - 1) + 1
+    axes = [origin[i] + resolution / finer * np.arange(count[i]) for i in (0, 1)]
     points = jnp.asarray(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1), terrain.elevation.dtype)
-    half = 0.25 * resolution * (count - 1)
+    half = 0.5 * resolution / finer * (count - 1)
     return np.asarray(_heights(terrain, points), float), origin + half, half
 
 
@@ -112,7 +112,7 @@ def _actuators(root, robot: Robot) -> None:
     xml.SubElement(sensor, "subtreecom", body="trunk")
 
 
-def _controls(robot: Robot, reference: Reference) -> np.ndarray:
+def controls(robot: Robot, reference: Reference) -> np.ndarray:
     """Control of every step (step, 12): the reference held for `SETTLE`, then followed on a uniform time grid."""
     time = np.asarray(reference.time, float)
     at = np.clip(np.arange(int(np.ceil((SETTLE + time[-1]) / STEP))) * STEP - SETTLE, 0.0, None)
@@ -125,7 +125,8 @@ def _controls(robot: Robot, reference: Reference) -> np.ndarray:
     return kp * position + kd * velocity + torque
 
 
-def _start(model: mujoco.MjModel, robot: Robot, reference: Reference) -> np.ndarray:
+def start_state(model: mujoco.MjModel, reference: Reference) -> np.ndarray:
+    """MuJoCo's full physics state of the reference's first pose at rest."""
     data = mujoco.MjData(model)
     data.qpos[:] = np.concatenate(
         [np.asarray(x[0], float).reshape(-1) for x in (reference.trunk_pos, reference.trunk_quat, reference.joint_pos)]

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 def cycloid_advance(share: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
     """Horizontal part of the way covered, x/S = s - sin(2 pi s)/(2 pi), at share s in [0, 1] of the time (B, eq. 2)."""
-    return share - jnp.sin(2.0 * jnp.pi * share) / (2.0 * jnp.pi)
+    return jnp.asarray(share) - jnp.sin(2.0 * jnp.pi * share) / (2.0 * jnp.pi)
 
 
 def cycloid_lift(share: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
@@ -27,6 +27,7 @@ def swing_foot(
     The top lies `apex` above the higher end. In the first and last `lift_share` of the time the foot moves only up or
     down, which clears a riser right ahead of it; 0 is the plain compound cycloid. Speed is zero at both ends.
     """
+    share = jnp.asarray(share)
     advance = cycloid_advance(jnp.clip((share - lift_share) / (1.0 - 2.0 * lift_share), 0.0, 1.0))
     top = jnp.maximum(start[2], end[2]) + apex
     base = jnp.where(share < 0.5, start[2], end[2])

@@ -1,7 +1,7 @@
 """What a search shows in the terminal: a progress bar with the time to go, and the table of results."""
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from typing import Any
 
 from rich.console import Console
@@ -19,7 +19,7 @@ NAMES = {
 
 
 @contextlib.contextmanager
-def progress(console: Console, total: float) -> Iterator[Callable[[float, str], None]]:
+def progress(console: Console, total: float) -> Generator[Callable[[float, str], None]]:
     """A progress bar over `total` units of work; yields the function that reports (done, text).
 
     Where there is no terminal, a line is printed for each new text instead.

@@ -1,0 +1,32 @@
+"""One compiled planner for all tests of planning."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxleg.plan import GaitParams
+from jaxleg.planning.crawl import CrawlSettings, crawl
+from jaxleg.terrain import Grid, flat, rough, stairs
+
+GRID = Grid(112, 52, 0.02, (-0.9, -0.51))
+TERRAINS = {
+    "flat": flat,
+    "stairs": lambda g: stairs(g, 0.08, 0.30, 0.1),
+    "rough": lambda g: rough(g, jax.random.key(1), 0.05, 0.25),
+}
+
+
+def gait(height=0.5, offset=-0.1, skew=0.1, step=0.2, length=0.62, width=0.36, swing=0.08, shift=0.45, hind=0.5, lift=0.1):
+    return GaitParams(*(jnp.asarray(x, float) for x in (height, offset, skew, step, length, width, swing, shift, hind, lift)))
+
+
+def settings(bend=20.0):
+    return CrawlSettings(*(jnp.asarray(x, float) for x in (0.05, np.deg2rad(bend), 0.02, 0.1)))
+
+
+@pytest.fixture(scope="session")
+def walk_on(pegasus):
+    none = jnp.zeros((3, 4, 2)), jnp.zeros((3, 4), jnp.int32)
+    plan = jax.jit(lambda params, options, terrain: crawl(pegasus, params, options, terrain, *none))
+    return lambda params, kind="flat", bend=20.0: plan(params, settings(bend), TERRAINS[kind](GRID))
