@@ -1,5 +1,6 @@
 """Many descents at once on the proxy: optax from several starts of several searches, smooth bounds, minibatches of terrains."""
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -33,9 +34,10 @@ class Lanes(NamedTuple):
 
     def take(self, index: np.ndarray) -> "Lanes":
         """The lanes of these numbers."""
-        return jax.tree.map(lambda x: jnp.asarray(x)[index], self)
+        return jax.tree.map(lambda x: np.asarray(x)[index], self)
 
 
+@jax.jit
 def bounded(free: Float[Array, "*n parameter"], bounds: Float[Array, "*n parameter 2"]) -> Float[Array, "*n parameter"]:
     """Parameters strictly inside their bounds from unbounded coordinates: a logistic on each."""
     low, high = bounds[..., 0], bounds[..., 1]
@@ -93,10 +95,15 @@ def descend(
     runs = state.free.shape[0]
     index = (int(state.step) * per_step + np.arange(per_step)) % lanes.number
     some = lanes.take(np.tile(index, runs))
-    vectors = jnp.repeat(bounded(state.free, bounds), per_step, axis=0)
+    vectors = np.repeat(np.asarray(bounded(state.free, bounds)), per_step, axis=0)
     score, gradient = lab.proxy_gradients(vectors, some.site, some.setting)
     usable = np.isfinite(gradient).all(axis=1) & np.isfinite(score.objective)
     gradient = np.where(usable[:, None], gradient, 0.0).reshape(runs, per_step, -1).mean(axis=1)
     objective = np.where(usable, score.objective, np.inf).reshape(runs, per_step).mean(axis=1)
+    return _advance(optimiser, state, bounds, gradient), objective
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _advance(optimiser, state, bounds, gradient):
     update, moments = optimiser.update(free_gradient(state.free, bounds, gradient), state.moments)
-    return Descent(optax.apply_updates(state.free, update), moments, state.step + 1), objective
+    return Descent(optax.apply_updates(state.free, update), moments, state.step + 1)

@@ -182,7 +182,7 @@ def in_chunks(function: Callable[..., Any], chunk: int, *batched: Any) -> Any:
     Results are NumPy arrays: memory is that of one chunk, whatever the number of lanes.
     """
     count = jax.tree.leaves(batched)[0].shape[0]
-    batched, parts = jax.tree.map(jnp.asarray, batched), []
+    batched, parts = jax.tree.map(np.asarray, batched), []  # NumPy picks lanes without compiling anything
     for start in range(0, count, chunk):
         kept = min(chunk, count - start)
         part = function(*_lanes(batched, np.minimum(np.arange(start, start + chunk), count - 1)))

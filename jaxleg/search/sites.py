@@ -27,11 +27,15 @@ def make_sites(study: Study, foot_radius: float, kind: str, held_out: bool) -> S
     settings = TerrainSettings(table.rise, table.run, 0.0, table.amplitude, table.correlation_length)
     difficulties = jnp.asarray(_spread(table, count), float)
     first = HELD_OUT if held_out else 0
-    terrain = terrain_batch(table.generator, grid(study), key, first, difficulties, settings)
     window = int(np.ceil(foot_radius / maps.resolution + 0.5))
     slope = float(np.deg2rad(maps.slope_limit_deg))
-    valid = jax.vmap(lambda t: valid_cells(t, foot_radius, window, slope, maps.edge_height))(terrain)
-    return Site(terrain, valid)
+
+    @jax.jit
+    def build(key, difficulties):
+        terrain = terrain_batch(table.generator, grid(study), key, first, difficulties, settings)
+        return Site(terrain, jax.vmap(lambda t: valid_cells(t, foot_radius, window, slope, maps.edge_height))(terrain))
+
+    return build(key, difficulties)
 
 
 def grid(study: Study) -> Grid:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.energy import motor_power
+from jaxleg.energy import CONVENTIONS, electrical, motor_power
 from jaxleg.kinematics import foot_position
 from jaxleg.planning.proxy import evaluate
 from jaxleg.planning.reference import instant, phase_samples, reference
@@ -74,6 +74,7 @@ def test_the_proxy_is_the_integral_of_the_reference(planned, pegasus):
     power = motor_power(pegasus, fine.joint_torque, fine.joint_vel)
     seconds = np.diff(fine.time)[:, None, None]
     proxy = jax.jit(lambda w: evaluate(pegasus, w, settings()))(walk)
-    for ours, dense in zip(proxy.energy, power):
-        integral = np.sum(0.5 * (dense[1:] + dense[:-1]) * seconds)
-        np.testing.assert_allclose(jnp.sum(ours), integral, rtol=3e-3)
+    integral = jax.tree.map(lambda p: np.sum(0.5 * (p[1:] + p[:-1]) * seconds), power)
+    total = jax.tree.map(jnp.sum, proxy.energy)
+    for convention in CONVENTIONS:
+        np.testing.assert_allclose(electrical(total, convention), electrical(integral, convention), rtol=3e-3)
