@@ -9,7 +9,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from jaxleg.conventions import GRAVITY
@@ -79,4 +78,4 @@ def _pieces(load_share, swing: bool):
     if not swing:
         return [(0.0, 0.5, 4), (0.5, 0.5, 4)]
     half = 0.5 - load_share
-    return [(0.0, load_share, 2), (load_share, half, 5), (0.5, half, 5), (1.0 - load_share, load_share, 2)]
+    return [(0.0, load_share, 2), (load_share, half, 7), (0.5, half, 7), (1.0 - load_share, load_share, 2)]
