@@ -81,14 +81,16 @@ def split(arguments: list[str]) -> tuple[str | None, Path | None, bool, list[str
 
 
 def configure_jax() -> None:
-    """Persistent compilation cache and exact matrix products; called once, before anything is compiled."""
+    """Persistent compilation cache, exact matrix products, a device a core; called once, before anything is compiled."""
     import jax
 
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
     cache = os.environ.get("JAXLEG_CACHE") or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jaxleg"
     jax.config.update("jax_compilation_cache_dir", str(cache))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_default_matmul_precision", "highest")
+    if "JAX_NUM_CPU_DEVICES" not in os.environ:
+        jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)  # see search/batches.py
 
 
 def leg_numbers(robot: Any) -> tuple[float, float]:

@@ -36,7 +36,7 @@ def random_gaits(
     for start in range(0, len(vectors), block):
         part = np.arange(start, min(start + block, len(vectors)))
         some = lanes.take(index[part])
-        checks = lab.proxy_lanes(vectors[part], some.site, some.setting).checks
+        checks = lab.proxy_gradients(vectors[part], some.site, some.setting)[0].checks
         ok = (checks.status == PlanStatus.OK) & (checks.margin > LEAST_MARGIN) & (checks.torque_ratio < 1.0)
         ok &= (checks.lowering == 0.0) & (checks.load > LEAST_LOAD)
         found += list(part[ok])

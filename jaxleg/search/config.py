@@ -131,7 +131,7 @@ class Simulation:
     load_share: float = setting(0.1, min=0.02, max=0.3, help="part of a swing phase, at either end, for load transfer")
     clearance: float = setting(0.02, min=0.0, max=0.2, unit="m", help="foot over the ground in mid-swing")
     friction: float = setting(0.8, min=0.1, max=2.0)
-    chunk: int = setting(32, min=1, max=4096, help="lanes that are simulated at once")
+    chunk: int = setting(16, min=1, max=4096, help="lanes that a device simulates at once; thousands on a GPU")
 
 
 @dataclasses.dataclass(frozen=True)

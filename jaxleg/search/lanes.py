@@ -1,13 +1,13 @@
 """What a search evaluates, one lane at a time: the proxy, the simulation, and how far each constraint is from binding.
 
 A lane is a parameter vector (the order of `PARAMETERS`) on one terrain. `Lab` holds what all lanes share and offers the
-batched, compiled functions; it cuts batches into chunks of one size, so each function compiles once.
+batched, compiled functions.
 """
 
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,14 +15,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxleg.energy import CONVENTIONS, Convention, Power, electrical
-from jaxleg.plan import GaitParams, PlanChecks
+from jaxleg.plan import GaitParams, PlanChecks, Reference
 from jaxleg.planning.crawl import CrawlSettings
 from jaxleg.planning.footholds import SearchRectangle
 from jaxleg.planning.planner import Choice, Site, choose_footholds, crawl
 from jaxleg.planning.proxy import checks as plan_checks
 from jaxleg.planning.proxy import evaluate
-from jaxleg.planning.reference import instants, to_reference
+from jaxleg.planning.reference import instants, reference, to_reference
 from jaxleg.robot import Robot
+from jaxleg.search.batches import over_lanes
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
 from jaxleg.sim.rollout import Meters, simulate
@@ -135,13 +136,8 @@ class Lab:
         return objective, (Score(objective, energy, slack, checks), meters)
 
     @functools.cached_property
-    def proxy_lanes(self) -> Callable[..., Score]:
-        """Batched `proxy` with the cascade's choice: (vectors, sites, settings) -> scores."""
-        return self._batched(lambda v, site, setting: self.proxy(v, site, self.choose(v, site), setting))
-
-    @functools.cached_property
     def proxy_gradients(self) -> Callable[..., tuple[Score, Array]]:
-        """Batched gradient of the proxy's objective in the parameters, the footholds held: (scores, gradients)."""
+        """Batched `proxy` with the cascade's choice, and the gradient of its objective with that choice held."""
 
         def lane(vector, site, setting):
             choice = self.choose(vector, site)
@@ -153,12 +149,22 @@ class Lab:
             gradient, score = jax.grad(value, has_aux=True)(vector)
             return score, gradient
 
-        return self._batched(lane)
+        return over_lanes(lane, self.chunk)
+
+    @functools.cached_property
+    def reference_lanes(self) -> Callable[..., Reference]:
+        """Batched sampled references with the cascade's choice: (vectors, sites, settings) -> references."""
+
+        def lane(vector, site, setting):
+            walk = self.walk(to_params(vector), site, self.choose(vector, site), setting.least_bend)
+            return reference(self.robot, walk, self.settings(setting.least_bend), self.samples)
+
+        return over_lanes(lane, self.chunk)
 
     @functools.cached_property
     def simulate_lanes(self) -> Callable[..., tuple[Score, Meters]]:
         """Batched `simulated`: (vectors, sites, settings) -> (scores, meters)."""
-        return self._batched(lambda v, site, setting: self.simulated(v, site, self.choose(v, site), setting)[1])
+        return over_lanes(lambda v, site, setting: self.simulated(v, site, self.choose(v, site), setting)[1], self.chunk)
 
     @functools.cached_property
     def simulate_gradients(self) -> Callable[..., tuple[Score, Meters, Array]]:
@@ -169,29 +175,7 @@ class Lab:
             gradient, (score, meters) = jax.grad(self.simulated, has_aux=True)(vector, site, choice, setting)
             return score, meters, gradient
 
-        return self._batched(lane, max(1, self.chunk // 2))  # reverse mode needs more memory a lane
-
-    def _batched(self, lane: Callable[..., Any], chunk: int | None = None) -> Callable[..., Any]:
-        compiled = jax.jit(jax.vmap(lane))
-        return functools.partial(in_chunks, compiled, chunk or self.chunk)
-
-
-def in_chunks(function: Callable[..., Any], chunk: int, *batched: Any) -> Any:
-    """Call a compiled batch function on chunks of one size (the last one padded by its last lane) and join the results.
-
-    Results are NumPy arrays: memory is that of one chunk, whatever the number of lanes.
-    """
-    count = jax.tree.leaves(batched)[0].shape[0]
-    batched, parts = jax.tree.map(np.asarray, batched), []  # NumPy picks lanes without compiling anything
-    for start in range(0, count, chunk):
-        kept = min(chunk, count - start)
-        part = function(*_lanes(batched, np.minimum(np.arange(start, start + chunk), count - 1)))
-        parts.append(_lanes(jax.tree.map(np.asarray, part), slice(kept)))
-    return jax.tree.map(lambda *x: np.concatenate(x), *parts)
-
-
-def _lanes(tree, index):
-    return jax.tree.map(lambda x: x[index], tree)
+        return over_lanes(lane, max(1, self.chunk // 2))  # reverse mode needs more memory a lane
 
 
 def per_metre(energy: Power, distance: Float[Array, ""]) -> Float[Array, "3"]:

@@ -1,24 +1,22 @@
 """The contest again, refereed by C MuJoCo: the same plans, an independent simulator."""
 
-import functools
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.energy import CONVENTIONS, Power, electrical
 from jaxleg.plan import PlanStatus
-from jaxleg.planning.reference import reference
 from jaxleg.search.contest import BEND_SLACK, Contest
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import Lab, in_chunks, to_params
+from jaxleg.search.lanes import Lab
 from jaxleg.sim.referee import replay
 
 
 def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int) -> Contest:
     """Replay lanes (contestant by contestant) in C MuJoCo; constraints are those of the plan, their slack as the proxy says."""
-    score = lab.proxy_lanes(jnp.asarray(vectors, float), lanes.site, lanes.setting)
-    tracks = references(lab, vectors, lanes)
+    vectors = jnp.asarray(vectors, float)
+    score, _ = lab.proxy_gradients(vectors, lanes.site, lanes.setting)
+    tracks = lab.reference_lanes(vectors, lanes.site, lanes.setting)
     terrains, tracks = (unstack(jax.tree.map(np.asarray, tree)) for tree in (lanes.site.terrain, tracks))
     verdicts = replay(lab.robot, terrains, tracks, float(lab.ground.friction))
     seen = {name: np.array([getattr(v, name) for v in verdicts]) for name in verdicts[0]._fields}
@@ -31,17 +29,6 @@ def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int
     numbers = [np.asarray(x, number) for x in fields] + [score.checks.knee_bend, score.checks.lowering]
     data = Contest(*numbers, seen["fell"], infeasible, score.slack)
     return Contest(*(x.reshape(contestants, -1, *x.shape[1:]) for x in data))
-
-
-def references(lab: Lab, vectors: np.ndarray, lanes: Lanes):
-    """Sampled references of the lanes, with a leading axis."""
-    lane = functools.partial(_reference, lab)
-    return in_chunks(jax.jit(jax.vmap(lane)), lab.chunk, jnp.asarray(vectors, float), lanes.site, lanes.setting.least_bend)
-
-
-def _reference(lab, vector, site, bend):
-    walk = lab.walk(to_params(vector), site, lab.choose(vector, site), bend)
-    return reference(lab.robot, walk, lab.settings(bend), lab.samples)
 
 
 def unstack(tree):

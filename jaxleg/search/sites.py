@@ -1,5 +1,7 @@
 """The terrains of a study: training and held-out ones of each kind, with the cells where a foot may be placed."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,12 +32,14 @@ def make_sites(study: Study, foot_radius: float, kind: str, held_out: bool) -> S
     window = int(np.ceil(foot_radius / maps.resolution + 0.5))
     slope = float(np.deg2rad(maps.slope_limit_deg))
 
-    @jax.jit
-    def build(key, difficulties):
-        terrain = terrain_batch(table.generator, grid(study), key, first, difficulties, settings)
-        return Site(terrain, jax.vmap(lambda t: valid_cells(t, foot_radius, window, slope, maps.edge_height))(terrain))
+    limits = (foot_radius, window, slope, maps.edge_height)
+    return _build(table.generator, grid(study), first, settings, limits, key, difficulties)
 
-    return build(key, difficulties)
+
+@functools.partial(jax.jit, static_argnums=range(5))
+def _build(generator, grid, first, settings, limits, key, difficulties):
+    terrain = terrain_batch(generator, grid, key, first, difficulties, settings)
+    return Site(terrain, jax.vmap(lambda t: valid_cells(t, *limits))(terrain))
 
 
 def grid(study: Study) -> Grid:

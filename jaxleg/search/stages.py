@@ -77,7 +77,7 @@ def rank(state: Run, group: tuple[str, ...], training: dict[str, Lanes], ends: n
     def compute() -> np.ndarray:
         few = spread(lanes, search.rank_lanes)
         flat = ends.reshape(-1, ends.shape[-1])
-        objective = judge(lambda *x: state.lab.proxy_lanes(*x).objective, flat, few)
+        objective = judge(lambda *x: state.lab.proxy_gradients(*x)[0].objective, flat, few)
         pools = [np.argsort(objective[: (i + 1) * search.starts])[: search.candidates] for i in range(len(ends))]
         candidates = sorted(set(np.concatenate(pools)))  # each search contains the one before it, and so its end points
         simulated = dict(zip(candidates, judge(lambda *x: simulated_objective(state.lab, *x), flat[candidates], few)))

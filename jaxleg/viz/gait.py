@@ -1,5 +1,6 @@
 """A planned walk seen from the side and from above."""
 
+import functools
 from pathlib import Path
 from typing import NamedTuple
 
@@ -62,14 +63,17 @@ def gait(robot: Robot, walk: Walk, reference: Reference, terrain: HeightMap, pat
 
 
 def _posture(robot: Robot, reference: Reference) -> Posture:
-    def at(angles, position, quaternion):
-        frames = all_leg_frames(robot, angles)
-        points = jnp.concatenate([frames.origin, frames.foot[:, None]], axis=1) + robot.hip_position[:, None]
-        rotation = rotation_from_quaternion(quaternion)
-        return position + matvec(rotation, points), position + matvec(rotation, centre_of_mass(robot, frames))
-
-    chain, com = jax.jit(jax.vmap(at))(reference.joint_pos, reference.trunk_pos, reference.trunk_quat)
+    chain, com = _chains(robot, reference.joint_pos, reference.trunk_pos, reference.trunk_quat)
     return Posture(np.asarray(chain), np.asarray(com))
+
+
+@jax.jit
+@functools.partial(jax.vmap, in_axes=(None, 0, 0, 0))
+def _chains(robot, angles, position, quaternion):
+    frames = all_leg_frames(robot, angles)
+    points = jnp.concatenate([frames.origin, frames.foot[:, None]], axis=1) + robot.hip_position[:, None]
+    rotation = rotation_from_quaternion(quaternion)
+    return position + matvec(rotation, points), position + matvec(rotation, centre_of_mass(robot, frames))
 
 
 def _extent(walk: Walk, posture: Posture) -> tuple[np.ndarray, np.ndarray]:
@@ -103,7 +107,10 @@ def _side(ax: Axes, walk: Walk, reference: Reference, terrain: HeightMap, postur
 
 def _profile(terrain: HeightMap, x: np.ndarray, y: float) -> np.ndarray:
     points = jnp.asarray(np.stack([x, np.full_like(x, y)], axis=-1), terrain.elevation.dtype)
-    return np.asarray(jax.vmap(height, in_axes=(None, 0))(terrain, points))
+    return np.asarray(_heights(terrain, points))
+
+
+_heights = jax.jit(jax.vmap(height, in_axes=(None, 0)))
 
 
 def _sticks(ax: Axes, walk: Walk, reference: Reference, posture: Posture) -> None:

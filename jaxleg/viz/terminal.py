@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Callable, Generator
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
@@ -13,7 +14,7 @@ NAMES = {
     "implied": "implied",
     "paper": "paper's own",
     "best_i": "(i) paper's band",
-    "best_ii": "(ii) height, offset, skew",
+    "best_ii": "(ii) stance alone",
     "best": "(iii) everything",
 }
 
@@ -46,11 +47,12 @@ def progress(console: Console, total: float) -> Generator[Callable[[float, str],
 def result_table(result: dict[str, Any]) -> Table:
     """Energy per metre, savings with 95 % intervals and what was lost on the way, a row a contestant and kind of terrain."""
     power = result["power"]
-    table = Table(title=f"held-out terrains, {result['speed']:g} m/s, {power} power", title_justify="left", pad_edge=False)
+    title = f"held-out terrains, {result['speed']:g} m/s, {power} power, savings in % with 95 % intervals"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     for column in ("terrain", "contestant"):
         table.add_column(column, no_wrap=True)
-    for column in ("J/m", "saving % (95 %)", "C MuJoCo %", "margin m", "knee deg", "falls", "unfit"):
-        table.add_column(column, justify="right", no_wrap=True)
+    for column in ("J/m", "saving", "C MuJoCo", "margin m", "knee deg", "falls", "unfit"):
+        table.add_column(column, justify="right", overflow="fold")
     for kind in result["bounds"]:
         for name, label in NAMES.items():
             first = kind if name == "traditional" else ""
@@ -72,7 +74,7 @@ def _percent(saved: dict[str, Any], intervals: bool) -> str:
     if saved["mean"] is None:
         return "none"
     mean, low, high = (f"{100.0 * x:.1f}" for x in (saved["mean"], *saved["ci95"]))
-    return f"{mean} ({low} to {high})" if intervals and low != high else mean
+    return f"{mean} [{low}, {high}]" if intervals and low != high else mean
 
 
 def _number(value: float | None, form: str) -> str:
