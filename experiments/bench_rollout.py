@@ -1,12 +1,12 @@
 """How fast is the rollout? Simulated seconds per second over distinct terrains and parameters, 64 x 64 maps.
 
 Four engines follow the same joint references: jaxleg's rollout (meters included); `mjx.step` with MuJoCo's native height field
-and contacts; bare `mjx.step` without any contact; C MuJoCo's `mujoco.rollout` on two threads, one model a terrain. Then the
-cost per terrain at 64, 256 and 1024 terrains, and the memory of reverse mode over a full cycle.
+and contacts; bare `mjx.step` without any contact (the robot moves its legs in free fall); C MuJoCo's `mujoco.rollout` on two
+threads, one model a terrain, at the referee's 2 ms. The three that run in JAX get the same chunks on the same devices.
 
-jaxleg runs at its largest step that keeps every lane's energy within 2 % of a five times finer one. The two `mjx.step` rows
-run at 2.5 ms: bare, that is about its own 2 % step; with native contact no step tried came within 2 %, see the README. C MuJoCo
-runs at the referee's 2 ms, model building and meters included. All get the same 64 x 64 maps.
+Each JAX engine runs at the largest of some steps that keeps every lane's energy within 2 % of its own fine step's, or at the
+smallest of them where none does. Then the cost per terrain at 64, 256 and 1024 terrains (planning included), and the memory of
+reverse mode over a full walk.
 
     python -m experiments.bench_rollout [--quick]
 """
@@ -22,22 +22,27 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import tyro
-from mujoco import mjx
+from mujoco import mjx, rollout
 
 from experiments.common import setup, timed, write
+from jaxleg.energy import Power, electrical, motor_power
 from jaxleg.plan import Reference
 from jaxleg.planning.planner import Site
 from jaxleg.planning.reference import samples_per_cycle
+from jaxleg.search.batches import over_lanes
 from jaxleg.search.config import Study, baseline
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import Lab, Setting
-from jaxleg.search.referees import references, unstack
+from jaxleg.search.lanes import CYCLES, Lab, Setting
+from jaxleg.search.referees import unstack
 from jaxleg.sim import referee
+from jaxleg.sim.rollout import simulate
 from jaxleg.terrain.generators import Grid, TerrainSettings, terrain_batch
 
 GRID = Grid(64, 64, 0.03, (-0.9, -0.96))
-MJX_STEP = 2.5e-3  # [s]
 CANDIDATES = (((30, 25), 2), ((40, 34), 2), ((48, 40), 2), ((60, 50), 2), ((60, 50), 3))  # (samples a phase, steps a sample)
+MJX_STEPS = (1e-2, 8e-3, 6.25e-3, 5e-3, 4e-3, 2.5e-3, 1.25e-3)  # [s]
+MJX_FINE, MJX_TIME = 2.5e-4, 0.1  # step of comparison, simulated time [s]
+ERROR = 0.02  # of the energy
 
 
 def main(out: Path | None = None, quick: bool = False) -> None:
@@ -45,18 +50,19 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     study, lab = setup()
     lanes, vectors = distinct(study, 64 if quick else 1024)
     result = growth(lab, vectors, lanes, (16, 64) if quick else (64, 256, 1024)) | reverse(lab, vectors, lanes)
-    ours, note = rollout_rate(lab, vectors[:64], first(lanes, 64))
-    few = 16 if quick else 64
-    tracks = jax.tree.map(jnp.asarray, references(lab, vectors[:few], first(lanes, few)))
-    rates = {"jaxleg": ours}
-    for name, field in (("mjx_native", True), ("mjx_bare", False)):
-        rates[name] = mjx_rate(lab, first(lanes, few), tracks, field)
-    rates["c_mujoco"] = referee_rate(lab, first(lanes, few), tracks)
-    ratios = {name: ours["rate"] / row["rate"] for name, row in rates.items()}
+    few = first(lanes, 64)
+    tracks = lab.reference_lanes(vectors[:64], few.site, few.setting)
+    rates = {
+        "jaxleg": rollout_rate(lab, vectors[:64], few),
+        "mjx_native": mjx_rate(lab, few, tracks, field=True),
+        "mjx_bare": mjx_rate(lab, few, tracks, field=False),
+        "c_mujoco": referee_rate(lab, few, tracks),
+    }
+    ratios = {name: rates["jaxleg"]["rate"] / row["rate"] for name, row in rates.items()}
     for name, row in rates.items():
-        speed = f"{row['rate']:9.1f} simulated s/s   step {1e3 * row['step']:.2f} ms   compile {row['compile']:5.1f} s"
-        print(f"{name:11s}{speed}   jaxleg is x{ratios[name]:.2f}")
-    write("bench_rollout", out, result | {"rates": rates, "ratios": ratios, "jaxleg": note})
+        about = f"step {1e3 * row['step']:.2f} ms, energy error {100 * row['error']:.2f} %, compile {row['compile']:.1f} s"
+        print(f"{name:11s}{row['rate']:9.1f} simulated s/s, {about}; jaxleg is x{ratios[name]:.2f}")
+    write("bench_rollout", out, result | {"rates": rates, "ratios": ratios})
 
 
 def distinct(study: Study, count: int) -> tuple[Lanes, np.ndarray]:
@@ -66,7 +72,7 @@ def distinct(study: Study, count: int) -> tuple[Lanes, np.ndarray]:
     setting = Setting(*(jnp.full(count, x, float) for x in (np.deg2rad(20.0), -10.0, 1.0)))
     vectors = np.tile(baseline(study, "rough", "paper"), (count, 1))
     vectors[:, 0] += np.linspace(-0.02, 0.02, count)
-    return Lanes(site, setting), vectors
+    return Lanes(site, setting), vectors.astype(np.float32)
 
 
 def first(lanes: Lanes, count: int) -> Lanes:
@@ -74,75 +80,100 @@ def first(lanes: Lanes, count: int) -> Lanes:
     return lanes.take(np.arange(count))
 
 
-def rollout_rate(lab: Lab, vectors: np.ndarray, lanes: Lanes) -> tuple[dict[str, float], str]:
-    """jaxleg at the largest of some steps that stays within 2 % energy error of the finest on every lane."""
-    few = first(lanes, 8)
-    fine = energy(dataclasses.replace(lab, steps=10), vectors[:8], few)
+def rollout_rate(lab: Lab, vectors: np.ndarray, lanes: Lanes) -> dict[str, float]:
+    """jaxleg's rollout of references, with its meters."""
+    fine = walk_energy(dataclasses.replace(lab, steps=10), vectors, lanes)
     for samples, steps in CANDIDATES:
-        coarse = dataclasses.replace(lab, samples=samples, steps=steps)
-        error = np.abs(energy(coarse, vectors[:8], few) / fine - 1.0).max()
+        lab = dataclasses.replace(lab, samples=samples, steps=steps)
+        error = np.abs(walk_energy(lab, vectors, lanes) / fine - 1.0).max()
         print(f"jaxleg with {steps} steps on {samples} samples: energy error {100 * error:.2f} %")
-        if error < 0.02:
+        if error < ERROR:
             break
-    lab = dataclasses.replace(coarse, chunk=64)
+    lab.engine  # noqa: B018  built outside of any tracing
+    run = over_lanes(lambda terrain, track: simulate(lab.engine, lab.robot, lab.ground, terrain, track, lab.steps), lab.chunk)
+    arguments = lanes.site.terrain, lab.reference_lanes(vectors, lanes.site, lanes.setting)
     began = time.perf_counter()
-    _, meters = lab.simulate_lanes(vectors, lanes.site, lanes.setting)
+    meters = run(*arguments)
     compiled = time.perf_counter() - began
-    wall = timed(lab.simulate_lanes, vectors, lanes.site, lanes.setting, repeats=3)
-    step = float(meters.time.mean()) / (2 * samples_per_cycle(samples) * steps)
-    row = {"rate": float(meters.time.sum()) / wall, "step": step, "compile": compiled - wall, "error": float(error)}
-    return row, f"{steps} steps a sample, {samples} samples a phase"
+    wall = timed(run, *arguments)
+    step = float(meters.time.mean()) / (CYCLES * samples_per_cycle(lab.samples) * lab.steps)
+    return {"rate": float(meters.time.sum()) / wall, "step": step, "compile": compiled - wall, "error": float(error)}
 
 
-def energy(lab: Lab, vectors: np.ndarray, lanes: Lanes) -> np.ndarray:
-    """Energy per metre of each lane."""
-    lab = dataclasses.replace(lab, chunk=len(vectors))
-    return lab.simulate_lanes(vectors, lanes.site, lanes.setting)[0].energy[:, 1]
+def walk_energy(lab: Lab, vectors: np.ndarray, lanes: Lanes) -> np.ndarray:
+    """Energy per metre of the first eight lanes."""
+    few = first(lanes, 8)
+    return lab.simulate_lanes(vectors[:8], few.site, few.setting)[0].energy[:, 1]
 
 
 def mjx_rate(lab: Lab, lanes: Lanes, tracks: Reference, field: bool) -> dict[str, float]:
     """`mjx.step` following the references, with the native height field or without contact."""
-    terrains = unstack(jax.tree.map(np.asarray, lanes.site.terrain))
-    walks = unstack(jax.tree.map(np.asarray, tracks))
+    terrains, walks = unstack(lanes.site.terrain), unstack(tracks)
     specs = [referee.build_model(lab.robot, terrain, 0.8, finer=1) for terrain in terrains]
-    for spec in specs:
-        spec.opt.timestep = MJX_STEP
-        if not field:
-            spec.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    model = mjx.put_model(specs[0])
-    heights = jnp.asarray(np.stack([spec.hfield_data for spec in specs]))
-    start = [referee.start_state(spec, track) for spec, track in zip(specs, walks)]
-    q = jnp.asarray(np.stack(start)[:, 1:20], jnp.float32)
-    control = jnp.asarray(np.stack([referee.controls(lab.robot, walk)[150:190] for walk in walks]))
-    control = control.astype(jnp.float32)
+    if not field:
+        specs[0].opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model, data = mjx.put_model(specs[0]), mjx.make_data(specs[0])
 
-    def lane(hfield, q, control):
-        own = model.replace(hfield_data=hfield)
-        data = mjx.make_data(specs[0]).replace(qpos=q)
-        return jax.lax.scan(lambda d, u: (mjx.step(own, d.replace(ctrl=u)), None), data, control)[0].qpos
+    def lane(heights, q, control, step, count):  # a loop of traced length: one compilation for all steps
+        own = model.tree_replace({"hfield_data": heights, "opt.timestep": step})
 
-    run = jax.jit(jax.vmap(lane))
+        def follow(i, carry):
+            d, energy = carry
+            after = mjx.step(own, d.replace(ctrl=control[i]))
+            torque, speed = after.qfrc_actuator[6:].reshape(4, 3), (0.5 * (d.qvel + after.qvel))[6:].reshape(4, 3)
+            power = Power(*(jnp.sum(p) for p in motor_power(lab.robot, torque, speed)))
+            return after, energy + step * electrical(power, "positive")
+
+        return jax.lax.fori_loop(0, count, follow, (data.replace(qpos=q), jnp.zeros(())))[1]
+
+    heights = np.stack([spec.hfield_data for spec in specs])
+    q = np.stack([referee.start_state(spec, walk) for spec, walk in zip(specs, walks)])[:, 1:20]
+    run = over_lanes(lane, lab.chunk)
+
+    def at(step, count):
+        controls = np.stack([_controls(lab, walk, step) for walk in walks[:count]])
+        numbers = np.full(count, step, np.float32), np.full(count, round(MJX_TIME / step))
+        return heights[:count], q[:count].astype(np.float32), controls.astype(np.float32), *numbers
+
     began = time.perf_counter()
-    jax.block_until_ready(run(heights, q, control))
+    fine = run(*at(MJX_FINE, 8))
     compiled = time.perf_counter() - began
-    wall = timed(run, heights, q, control, repeats=2)
-    return {"rate": control.shape[0] * control.shape[1] * MJX_STEP / wall, "step": MJX_STEP, "compile": compiled - wall}
+    for step in MJX_STEPS:
+        error = float(np.abs(run(*at(step, 8)) / fine - 1.0).max())
+        print(f"mjx.step {'with' if field else 'without'} contact at {1e3 * step:.2f} ms: energy error {100 * error:.1f} %")
+        if error < ERROR:
+            break
+    arguments = at(step, len(q))
+    wall = timed(run, *arguments, repeats=2)
+    return {"rate": len(q) * round(MJX_TIME / step) * step / wall, "step": step, "compile": compiled, "error": error}
+
+
+def _controls(lab: Lab, walk: Reference, step: float) -> np.ndarray:
+    """The controls from the start of the walk on, at another step; always as many rows."""
+    controls = referee.controls(lab.robot, walk)
+    at = referee.SETTLE + np.arange(round(MJX_TIME / MJX_FINE)) * step
+    grid = np.arange(len(controls)) * referee.STEP
+    return np.stack([np.interp(at, grid, column) for column in controls.T], axis=1)
 
 
 def referee_rate(lab: Lab, lanes: Lanes, tracks: Reference) -> dict[str, float]:
-    """C MuJoCo on two threads, model building and meters included."""
-    terrains = unstack(jax.tree.map(np.asarray, lanes.site.terrain))
-    walks = unstack(jax.tree.map(np.asarray, tracks))
-    referee.replay(lab.robot, terrains[:2], walks[:2], 0.8)
-    began = time.perf_counter()
-    verdicts = referee.replay(lab.robot, terrains, walks, 0.8)
-    return {"rate": sum(v.time for v in verdicts) / (time.perf_counter() - began), "step": referee.STEP, "compile": 0.0}
+    """C MuJoCo on two threads: `mujoco.rollout` alone, models and controls made before."""
+    walks = unstack(tracks)
+    models = [referee.build_model(lab.robot, terrain, 0.8) for terrain in unstack(lanes.site.terrain)]
+    controls = [referee.controls(lab.robot, walk) for walk in walks]
+    steps = min(map(len, controls))
+    control = np.stack([rows[:steps] for rows in controls])
+    start = np.stack([referee.start_state(model, walk) for model, walk in zip(models, walks)])
+    workers = [mujoco.MjData(models[0]) for _ in range(2)]
+    wall = timed(lambda: rollout.rollout(models, workers, start, control), repeats=2)
+    step = referee.STEP
+    return {"rate": len(models) * steps * step / wall, "step": step, "compile": 0.0, "error": float("nan")}
 
 
 def growth(lab: Lab, vectors: np.ndarray, lanes: Lanes, counts: tuple[int, ...]) -> dict[str, Any]:
-    """Time per terrain and peak resident memory of the process at several numbers of terrains, in chunks of 64."""
-    lab, rows = dataclasses.replace(lab, chunk=min(64, counts[0])), []
-    lab.simulate_lanes(vectors[: lab.chunk], *first(lanes, lab.chunk))
+    """Time per terrain and peak resident memory of the process at several numbers of terrains, in chunks."""
+    rows = []
+    lab.simulate_lanes(vectors[:1], *first(lanes, 1))
     for count in counts:
         began = time.perf_counter()
         lab.simulate_lanes(vectors[:count], *first(lanes, count))
@@ -157,17 +188,23 @@ def growth(lab: Lab, vectors: np.ndarray, lanes: Lanes, counts: tuple[int, ...])
 
 
 def reverse(lab: Lab, vectors: np.ndarray, lanes: Lanes, count: int = 256) -> dict[str, Any]:
-    """Temporary memory of the compiled reverse-mode chunk that 256 terrains go through, and its inputs."""
+    """Memory of reverse mode over whole walks: what the compiled chunk needs on all devices, and the process's peak."""
     count = min(count, len(vectors))
-    chunk = lab.chunk // 2
-    lane = lab.simulate_gradients.args[0]
-    some = first(lanes, chunk)
-    compiled = lane.lower(jnp.asarray(vectors[:chunk], jnp.float32), some.site, some.setting).compile()
+    some = first(lanes, count)
+    began = time.perf_counter()
+    *_, gradient = lab.simulate_gradients(vectors[:count], some.site, some.setting)
+    wall = time.perf_counter() - began
+    chunk, devices = lab.simulate_gradients.args[1], jax.local_device_count()
+    part = first(lanes, chunk)
+    compiled = lab.simulate_gradients.args[0].lower(vectors[:chunk], part.site, part.setting).compile()
     memory = compiled.memory_analysis()
-    inputs = sum(np.asarray(x).nbytes for x in jax.tree.leaves(first(lanes, count)))
-    total = (memory.temp_size_in_bytes + memory.output_size_in_bytes + inputs) / 2**30
-    print(f"reverse mode, {count} terrains in chunks of {chunk}: {total:.2f} GiB")
-    return {"reverse_gib": total, "reverse_terrains": count}
+    inputs = sum(np.asarray(x).nbytes for x in jax.tree.leaves(some)) / 2**30
+    total = inputs + devices * (memory.temp_size_in_bytes + memory.output_size_in_bytes) / 2**30
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    finite = int(np.isfinite(gradient).all(axis=1).sum())
+    about = f"{total:.2f} GiB of arrays, peak of the process {peak:.2f} GiB, compiling included; {wall:.0f} s with compiling"
+    print(f"reverse mode, {count} terrains in chunks of {chunk}, {finite} finite gradients: {about}")
+    return {"reverse_gib": total, "reverse_peak_gib": peak, "reverse_terrains": count, "reverse_finite": finite}
 
 
 if __name__ == "__main__":

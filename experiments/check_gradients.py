@@ -21,9 +21,10 @@ from jaxleg.planning.footholds import soft_offset
 from jaxleg.planning.planner import Choice, Site, choose_footholds
 from jaxleg.planning.reference import reference
 from jaxleg.search import agreement
+from jaxleg.search.batches import over_lanes
 from jaxleg.search.config import bounds
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import Lab, in_chunks, per_metre, to_params
+from jaxleg.search.lanes import Lab, per_metre, to_params
 from jaxleg.sim.rollout import simulate
 
 STEP = 1e-5  # of a parameter's range
@@ -33,7 +34,7 @@ def main(gaits: int = 32, out: Path | None = None, quick: bool = False) -> None:
     """Check `gaits` gaits, half of them on rough ground (8 with `quick`)."""
     jax.config.update("jax_enable_x64", True)
     study, lab = setup()
-    lab = dataclasses.replace(lab, chunk=16)
+    lab = dataclasses.replace(lab, chunk=8)
     count = (8 if quick else gaits) // 2
     result = {}
     for kind, target in (("flat", 1e-3), ("rough", 1e-2)):
@@ -64,12 +65,12 @@ def check(lab: Lab, vectors: np.ndarray, lanes: Lanes, span: np.ndarray) -> dict
     choices = choose_all(params, lanes.site)
     lane = lambda v, s, c, b: cycle_energy(lab, v, s, c, b)  # noqa: E731
     arguments = (lanes.site, choices, lanes.setting.least_bend)
-    gradient = in_chunks(jax.jit(jax.vmap(jax.grad(lane))), 8, vectors, *arguments) * width
-    value = jax.jit(jax.vmap(lane))
-    difference = richardson(lambda v: in_chunks(value, 16, v, *arguments), vectors, width)
+    gradient = over_lanes(jax.grad(lane), lab.chunk // 2)(vectors, *arguments) * width
+    value = over_lanes(lane, lab.chunk)
+    difference = richardson(lambda v: value(v, *arguments), vectors, width)
     direction = jnp.asarray(width)[None] * jnp.ones_like(vectors)
-    forward = jax.jit(jax.vmap(lambda v, s, c, b, d: jax.jvp(lambda x: lane(x, s, c, b), (v,), (d,))[1]))
-    along = in_chunks(forward, 16, vectors, *arguments, direction)
+    forward = over_lanes(lambda v, s, c, b, d: jax.jvp(lambda x: lane(x, s, c, b), (v,), (d,))[1], lab.chunk)
+    along = forward(vectors, *arguments, direction)
     single = single_precision(lab, vectors, arguments) * width
     scale = np.maximum(np.abs(difference), 1e-2 * np.abs(difference).max(axis=1, keepdims=True))
     error = (np.abs(gradient - difference) / scale).max(axis=1)
@@ -100,7 +101,7 @@ def single_precision(lab: Lab, vectors: jax.Array, arguments) -> np.ndarray:
         small = dataclasses.replace(lab, robot=single(lab.robot), rectangle=single(lab.rectangle))
         small.engine  # noqa: B018
         lane = jax.grad(lambda v, s, c, b: cycle_energy(small, v, s, c, b))
-        return np.asarray(in_chunks(jax.jit(jax.vmap(lane)), 8, *single((vectors, *arguments))), np.float64)
+        return np.asarray(over_lanes(lane, lab.chunk // 2)(*single((vectors, *arguments))), np.float64)
 
 
 def soft_choice(lab: Lab, lanes: Lanes) -> float:

@@ -14,9 +14,9 @@ from jaxleg.sim.referee import replay
 
 def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int) -> Contest:
     """Replay lanes (contestant by contestant) in C MuJoCo; constraints are those of the plan, their slack as the proxy says."""
-    vectors = jnp.asarray(vectors, float)
-    score, _ = lab.proxy_gradients(vectors, lanes.site, lanes.setting)
-    tracks = lab.reference_lanes(vectors, lanes.site, lanes.setting)
+    rows = jnp.asarray(vectors, float)
+    score, _ = lab.proxy_gradients(rows, lanes.site, lanes.setting)
+    tracks = lab.reference_lanes(rows, lanes.site, lanes.setting)
     terrains, tracks = (unstack(jax.tree.map(np.asarray, tree)) for tree in (lanes.site.terrain, tracks))
     verdicts = replay(lab.robot, terrains, tracks, float(lab.ground.friction))
     seen = {name: np.array([getattr(v, name) for v in verdicts]) for name in verdicts[0]._fields}
