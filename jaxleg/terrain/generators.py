@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from jaxleg.conventions import InputError
 from jaxleg.terrain.heightmap import HeightMap
 
+BATCH = 16  # terrains made at once
 WAVES = 64  # plane waves in a rough surface
 
 
@@ -118,6 +119,9 @@ def terrain_keys(key: Array, first: int, count: int) -> Array:
 def terrain_batch(
     kind: str, grid: Grid, key: Array, first: int, difficulties: Float[Array, "n"], settings: TerrainSettings
 ) -> HeightMap:
-    """Terrains number first, first + 1, ... (leading axis n), one per difficulty, however a batch is cut."""
+    """Terrains number first, first + 1, ... (leading axis n), one per difficulty, however a batch is cut.
+
+    Made a few at a time: memory beyond the maps themselves does not grow with their number.
+    """
     keys = terrain_keys(key, first, difficulties.shape[0])
-    return jax.vmap(lambda k, d: terrain(kind, grid, k, d, settings))(keys, difficulties)
+    return jax.lax.map(lambda x: terrain(kind, grid, *x, settings), (keys, difficulties), batch_size=BATCH)
