@@ -133,6 +133,8 @@ def run_study(study: Any, robot: Any, robot_file: Path, out: Path, resume: bool)
     console.print(result_table(result))
     console.print(f"result.json, best.toml and figures are in {folder.path}")
     usable = any(result[name][kind]["speed"] is not None for name in CONTESTANTS for kind in study.kinds)
+    if not usable:
+        console.print("no contestant walks on any held-out terrain: each lane is infeasible (unfit) or fell")
     return 0 if usable else EXIT_INFEASIBLE
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxleg.energy import CONVENTIONS
-from jaxleg.plan import PlanStatus
+from jaxleg.plan import PlanChecks, PlanStatus
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import LEAST_LOAD, Lab
 
@@ -21,14 +21,14 @@ class Agreement(NamedTuple):
     simulated: np.ndarray
     proxy_gradient: np.ndarray
     simulated_gradient: np.ndarray
-    usable: np.ndarray
+    fell: np.ndarray
+    usable: np.ndarray  # feasible, walked without a fall, finite
 
 
 def random_gaits(
     lab: Lab, key: Array, lanes: Lanes, bounds: np.ndarray, count: int, tries: int = 20
 ) -> tuple[np.ndarray, Lanes]:
-    """Gaits uniform in the bounds that are feasible on their terrain: planned, knee bend kept, some margin, torque in limits,
-    no foot unloaded by inertia."""
+    """Gaits uniform in the bounds that are `feasible` on their terrain; where too few are found, infeasible ones fill up."""
     vectors = np.array(jax.random.uniform(key, (count * tries, bounds.shape[0]), minval=bounds[:, 0], maxval=bounds[:, 1]))
     index = np.arange(len(vectors)) % lanes.number
     found: list[int] = []
@@ -37,13 +37,18 @@ def random_gaits(
         part = np.arange(start, min(start + block, len(vectors)))
         some = lanes.take(index[part])
         checks = lab.proxy_gradients(vectors[part], some.site, some.setting)[0].checks
-        ok = (checks.status == PlanStatus.OK) & (checks.margin > LEAST_MARGIN) & (checks.torque_ratio < 1.0)
-        ok &= (checks.lowering == 0.0) & (checks.load > LEAST_LOAD)
-        found += list(part[ok])
+        found += list(part[feasible(checks)])
         if len(found) >= count:
             break
-    chosen = np.array(found[:count])
+    others = np.setdiff1d(np.arange(count), found)
+    chosen = np.array([*found, *others], int)[:count]
     return vectors[chosen], lanes.take(index[chosen])
+
+
+def feasible(checks: PlanChecks) -> np.ndarray:
+    """Planned, knee bend kept without lowering, some stability margin, torque in limits, no foot unloaded by inertia."""
+    stands = (checks.status == PlanStatus.OK) & (checks.margin > LEAST_MARGIN) & (checks.torque_ratio < 1.0)
+    return np.asarray(stands & (checks.lowering == 0.0) & (checks.load > LEAST_LOAD))
 
 
 def compare(lab: Lab, vectors: np.ndarray, lanes: Lanes, bounds: np.ndarray) -> Agreement:
@@ -53,20 +58,25 @@ def compare(lab: Lab, vectors: np.ndarray, lanes: Lanes, bounds: np.ndarray) -> 
     score, gradient = lab.proxy_gradients(vectors, lanes.site, lanes.setting)
     simulated, meters, simulated_gradient = lab.simulate_gradients(vectors, lanes.site, lanes.setting)
     convention = CONVENTIONS.index(lab.convention)
-    usable = ~meters.fell & np.isfinite(simulated_gradient).all(axis=1)
+    fell = np.asarray(meters.fell) & feasible(score.checks)
+    usable = feasible(score.checks) & ~fell & np.isfinite(simulated_gradient).all(axis=1)
     energies = score.energy[:, convention], simulated.energy[:, convention]
-    return Agreement(*energies, gradient * width, simulated_gradient * width, usable)
+    return Agreement(*energies, gradient * width, simulated_gradient * width, fell, usable)
 
 
 def agreement(data: Agreement) -> dict[str, Any]:
-    """Spearman's rank correlation, median and 10th percentile of the gradients' cosine, mean relative bias."""
+    """Spearman's rank correlation, median and 10th percentile of the gradients' cosine, mean relative bias.
+
+    None each where fewer than three gaits can be compared.
+    """
     on = data.usable
+    counts = {"gaits": int(on.sum()), "falls": int(data.fell.sum())}
+    if counts["gaits"] < 3:
+        return counts | dict.fromkeys(("spearman", "gradient_cosine", "gradient_cosine_p10", "bias"))
     proxy, simulated = data.proxy[on], data.simulated[on]
     ours, theirs = data.proxy_gradient[on], data.simulated_gradient[on]
     cosine = np.sum(ours * theirs, axis=1) / (np.linalg.norm(ours, axis=1) * np.linalg.norm(theirs, axis=1))
-    return {
-        "gaits": int(on.sum()),
-        "falls": int((~on).sum()),
+    return counts | {
         "spearman": float(np.corrcoef(_ranks(proxy), _ranks(simulated))[0, 1]),
         "gradient_cosine": float(np.median(cosine)),
         "gradient_cosine_p10": float(np.percentile(cosine, 10)),

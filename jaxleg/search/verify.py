@@ -87,7 +87,8 @@ def empty_agreement(count: int) -> agreement.Agreement:
     """An agreement of the right shapes and types, to load a saved one into."""
     number = np.zeros(count, np.asarray(jnp.zeros((), float)).dtype)
     gradient = np.zeros((count, len(PARAMETERS)), number.dtype)
-    return agreement.Agreement(number, number, gradient, gradient, np.zeros(count, bool))
+    flag = np.zeros(count, bool)
+    return agreement.Agreement(number, number, gradient, gradient, flag, flag)
 
 
 def referee(state: Run, kind: str, best: np.ndarray) -> Contest:

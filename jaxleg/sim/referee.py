@@ -44,7 +44,8 @@ def replay(
 ) -> list[Verdict]:
     """Replay walks, each on its own terrain, on two threads. `metered_from` is the first metered sample of the references.
 
-    A lane falls if it ends up tilted by more than 45 degrees, its trunk sinks below half its height, or it is not finite.
+    A lane falls if it ends up tilted by more than 45 degrees, its trunk sinks below half its height, or it is not finite. Where
+    a reference is not finite, the control is 0: the robot sinks down.
     """
     models = [build_model(robot, terrain, friction) for terrain in terrains]
     tracks = [controls(robot, reference) for reference in references]
@@ -52,6 +53,7 @@ def replay(
     control = np.stack([np.concatenate([t, np.repeat(t[-1:], steps - len(t), axis=0)]) for t in tracks])
     start = np.stack([start_state(model, reference) for model, reference in zip(models, references)])
     workers = [mujoco.MjData(models[0]) for _ in range(2)]
+    start, control = (np.nan_to_num(x, posinf=0.0, neginf=0.0) for x in (start, control))
     states, sensors = rollout.rollout(models, workers, start, control, skip_checks=False)
     return [
         _verdict(robot, reference, states[i, : len(track)], sensors[i, : len(track)], track, metered_from)

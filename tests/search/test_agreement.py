@@ -1,0 +1,28 @@
+import numpy as np
+from scipy import stats
+from scipy.spatial import distance
+
+from jaxleg.search.agreement import Agreement, agreement
+
+
+def sample(usable):
+    rng = np.random.default_rng(0)
+    simulated = rng.uniform(500.0, 1000.0, 40)
+    proxy = simulated + rng.normal(0.0, 30.0, 40)
+    gradient = rng.normal(size=(40, 5))
+    return Agreement(proxy, simulated, gradient, gradient + 0.1, ~usable, usable)
+
+
+def test_against_scipy():
+    usable = np.arange(40) % 7 > 0
+    data = sample(usable)
+    seen = agreement(data)
+    assert (seen["gaits"], seen["falls"]) == (usable.sum(), (~usable).sum())
+    assert np.isclose(seen["spearman"], stats.spearmanr(data.proxy[usable], data.simulated[usable]).statistic)
+    cosine = [1.0 - distance.cosine(a, b) for a, b in zip(data.proxy_gradient[usable], data.simulated_gradient[usable])]
+    assert np.isclose(seen["gradient_cosine"], np.median(cosine))
+
+
+def test_nothing_to_compare_is_said_and_not_an_error():
+    seen = agreement(sample(np.zeros(40, bool)))
+    assert seen["gaits"] == 0 and seen["spearman"] is None and seen["bias"] is None
