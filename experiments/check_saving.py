@@ -57,6 +57,8 @@ def check(result: dict, kind: str, name: str, key: str, target: float | None, po
     if target is not None:
         faults += [f"under {100 * target:.0f} %"] * (saved["mjx"] < target)
         faults += [f"{ours['falls'] + base['falls']} falls"] * (ours["falls"] + base["falls"] > 0)
+        refereed = sum(result["referee"][who][kind]["falls"] for who in (name, BASE[key]))
+        faults += [f"{refereed} falls in C MuJoCo"] * (refereed > 0)
         faults += ["knee bend"] * (ours["min_knee_bend_deg"] < result["least_knee_bend_deg"][kind] - 0.2)
         faults += ["speed differs"] * (abs(ours["speed"] / base["speed"] - 1.0) > 0.01)
         faults += ["C MuJoCo disagrees"] * (abs(saved["mujoco"] / saved["mjx"] - 1.0) > 0.3)

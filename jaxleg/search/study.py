@@ -62,6 +62,11 @@ def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -
         for kind in state.kinds
     }
 
+    refereed = {
+        kind: {name: {"lanes": fell.size, "falls": int(fell.sum())} for name, fell in zip(CONTESTANTS, replays[kind].fell)}
+        for kind in state.kinds
+    }
+
     def against(base: str) -> dict[str, Any]:
         engines = {"mjx": held, "mujoco": replays}
         return {
@@ -74,6 +79,7 @@ def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -
         "saving": against("traditional"),
         "saving_vs_implied": against("implied"),
         "saving_vs_paper": against("paper"),
+        "referee": nested(refereed),
         "active_constraints": nested(active),
         "bounds": {kind: dict(zip(PARAMETERS, bounds(study, kind, "best").tolist())) for kind in state.kinds},
         "proxy": proxy,

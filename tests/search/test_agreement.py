@@ -25,4 +25,11 @@ def test_against_scipy():
 
 def test_nothing_to_compare_is_said_and_not_an_error():
     seen = agreement(sample(np.zeros(40, bool)))
-    assert seen["gaits"] == 0 and seen["spearman"] is None and seen["bias"] is None
+    assert seen == {
+        "gaits": 0,
+        "falls": 40,
+        "spearman": None,
+        "gradient_cosine": None,
+        "gradient_cosine_p10": None,
+        "bias": None,
+    }
