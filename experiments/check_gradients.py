@@ -17,7 +17,7 @@ import tyro
 
 from experiments.common import setup, training, write
 from jaxleg.energy import CONVENTIONS
-from jaxleg.planning.footholds import soft_offset
+from jaxleg.planning.footholds import Reachable, soft_offset
 from jaxleg.planning.planner import Choice, Site, choose_footholds
 from jaxleg.planning.reference import reference
 from jaxleg.search import agreement
@@ -28,6 +28,8 @@ from jaxleg.search.lanes import Lab, per_metre, to_params
 from jaxleg.sim.rollout import simulate
 
 STEP = 1e-5  # of a parameter's range
+
+EVERYWHERE = Reachable(*map(jnp.asarray, (-1.0, 1.0, 0.2)))  # no candidate is out of the legs' reach
 
 
 def main(gaits: int = 32, out: Path | None = None, quick: bool = False) -> None:
@@ -61,8 +63,8 @@ def check(lab: Lab, vectors: np.ndarray, lanes: Lanes, span: np.ndarray) -> dict
     width = span[:, 1] - span[:, 0]
     vectors = jnp.asarray(vectors)
     params = jax.vmap(to_params)(vectors)
-    choose_all = jax.jit(jax.vmap(lambda p, s: choose_footholds(p, lab.rectangle, s, lab.cells, 1)))
-    choices = choose_all(params, lanes.site)
+    choose_all = jax.vmap(lambda p, s, b: choose_footholds(lab.robot, p, b, lab.rectangle, s, lab.extent, 1))
+    choices = jax.jit(choose_all)(params, lanes.site, lanes.setting.least_bend)
     lane = lambda v, s, c, b: cycle_energy(lab, v, s, c, b)  # noqa: E731
     arguments = (lanes.site, choices, lanes.setting.least_bend)
     gradient = over_lanes(jax.grad(lane), lab.chunk // 2)(vectors, *arguments) * width
@@ -110,7 +112,7 @@ def soft_choice(lab: Lab, lanes: Lanes) -> float:
 
     def ahead(weight, site):
         rectangle = dataclasses.replace(lab.rectangle, nominal_weight=weight)
-        return soft_offset(nominal, site.valid, site.terrain, rectangle, lab.cells, 0.05)[0]
+        return soft_offset(nominal, site.valid, site.terrain, rectangle, EVERYWHERE, lab.extent, 0.05)[0]
 
     slope = jax.vmap(jax.grad(ahead), in_axes=(None, 0))(jnp.asarray(0.6), lanes.site)
     at = [jax.vmap(ahead, in_axes=(None, 0))(jnp.asarray(0.6 + h), lanes.site) for h in (1e-5, -1e-5)]

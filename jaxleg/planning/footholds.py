@@ -1,57 +1,56 @@
-"""Foothold choice: feasible score (8), (9) and the cascaded rectangle search of paper A, IV.B.
+"""Foothold choice: the cascaded search of paper A, IV.B.3 (A11).
 
 The four feet of a cycle move from their nominal footholds by one common offset, so that they still form the nominal
-stance (Fig. 7). Offsets lie on a lattice of the map's cells round the nominal foothold, in the frame turned to the heading.
+stance (Fig. 7). First within the search rectangle, then within the lengthened one; failing that each leg for itself takes
+the nearest valid cell, within the lengthened rectangle or else within one step length. A leg without any is flagged.
 """
 
-import dataclasses
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxleg.conventions import LEG_END
 from jaxleg.plan import FootholdStatus
+from jaxleg.planning.rectangle import (
+    Candidates,
+    Extent,
+    Order,
+    SearchRectangle,
+    best_first,
+    candidates,
+    cells_around,
+    feasible_score,
+    nearest_first,
+    to_heading,
+)
 from jaxleg.terrain.heightmap import HeightMap
 
-
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
-class SearchRectangle:
-    """The search rectangle and its score; lengths in metres, every field a leaf. Paper A, (8) and (9)."""
-
-    length: Float[Array, "*batch"]  # L_Search, along the heading
-    width: Float[Array, "*batch"]  # W_Search
-    longer: Float[Array, "*batch"]  # added to the length in the second run of the cascade
-    nominal_weight: Float[Array, "*batch"]  # w1 in [0, 1], of the Manhattan distance; w2 = 1 - w1
-    heading: Float[Array, "*batch"]  # direction of travel in W [rad]
+BLOCK = 64  # cells a leg that the last resort looks at together
 
 
 class Footholds(NamedTuple):
-    """Chosen offsets from the nominal footholds (x, y in W) [m] and a `FootholdStatus` a leg."""
+    """Chosen offsets from the nominal footholds (x, y in W) [m] and a `FootholdStatus` a leg; NONE comes with offset 0."""
 
     offset: Float[Array, "leg 2"]
     status: Int[Array, "leg"]
 
 
-def lattice(cells_ahead: int, cells_aside: int) -> np.ndarray:
-    """Candidate offsets in cells (ahead, left), the preferred one of a tie first: forward, nearest the centre line, left."""
-    ahead, left = np.arange(-cells_ahead, cells_ahead + 1), np.arange(-cells_aside, cells_aside + 1)
-    cells = np.stack(np.meshgrid(ahead, left, indexing="ij"), axis=-1).reshape(-1, 2)
-    return cells[np.lexsort((-cells[:, 1], np.abs(cells[:, 1]), -cells[:, 0]))]
+class Reachable(NamedTuple):
+    """What a leg can reach: a foothold's height over the mean ground under its end's two legs, and one step length [m]."""
+
+    lowest: Float[Array, ""]
+    highest: Float[Array, ""]
+    step: Float[Array, ""]
 
 
-def feasible_score(offset: Float[Array, "2"], rectangle: SearchRectangle, length: Float[ArrayLike, ""]) -> Float[Array, ""]:
-    """Score f in [0, 1] of an offset (ahead, left) [m] inside a rectangle of this length. Paper A, (8) and (9).
+class Ground(NamedTuple):
+    """What the legs find: the height of each candidate (NaN: no foothold there) and of the ground at their end [m]."""
 
-    d1 is the Manhattan distance to the nominal foothold, d2 the distance to the long centre line; D1 = (L + W)/2, D2 = W/2.
-    """
-    ahead, aside = jnp.abs(offset[0]), jnp.abs(offset[1])
-    first = (ahead + aside) / (0.5 * (length + rectangle.width))
-    second = aside / (0.5 * rectangle.width)
-    return 1.0 - rectangle.nominal_weight * first - (1.0 - rectangle.nominal_weight) * second
+    height: Float[Array, "leg i j"]
+    level: Float[Array, "leg"]
 
 
 def choose(
@@ -59,25 +58,30 @@ def choose(
     valid: Bool[Array, "nx ny"],
     terrain: HeightMap,
     rectangle: SearchRectangle,
-    cells: tuple[int, int],
+    reachable: Reachable,
+    extent: Extent,
 ) -> Footholds:
-    """The cascade in its exact form: common offset, then the same in the lengthened rectangle, then per leg the nearest.
+    """The cascade in its exact form, for one stance. Piecewise constant: it has no gradient, see `soft_offset`.
 
-    `nominal` (x, y) in W [m]; `valid` from `terrain.validity`; `cells` are the static half extents of the lattice, which
-    must cover the lengthened rectangle. Piecewise constant: it has no gradient, see `soft_offset`.
+    `nominal` (x, y) in W [m]; `valid` from `terrain.validity`. A candidate counts if its cell (the one nearest to it) is on
+    the map, seen, valid, and of a height that the leg reaches.
     """
-    offsets, in_short, in_long = _candidates(terrain, rectangle, cells)
-    usable = _usable(nominal, valid, terrain, rectangle, offsets)
+    seen = candidates(rectangle, terrain.resolution, extent.cells)
+    footing = jnp.where(valid & jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
+    ground = _look(nominal, footing, terrain, seen, extent.cells)
+    usable = _within(ground.height, ground.level[:, None, None], reachable)
     common = jnp.all(usable, axis=0)
-    scores = [_scores(offsets, rectangle, extra) for extra in (0.0, rectangle.longer)]
-    found_short, found_long = jnp.any(common & in_short), jnp.any(common & in_long)
-    short = _best(scores[0], common & in_short)
-    long = _best(scores[1], common & in_long)
-    nearest, found_each = _nearest(offsets, usable, in_long)
-    index = jnp.where(found_short, short, jnp.where(found_long, long, nearest))
-    missing = jnp.where(found_each, FootholdStatus.NEAREST, FootholdStatus.NONE)
-    status = jnp.where(found_short, FootholdStatus.NOMINAL, jnp.where(found_long, FootholdStatus.WIDENED, missing))
-    return Footholds(_turn(offsets, rectangle.heading)[index], status.astype(jnp.int32))
+    score = [feasible_score(seen.along, rectangle, longer) for longer in (0.0, rectangle.longer)]
+    short, nominal_found = _first(best_first(score[0], seen, seen.short), common)
+    long, widened_found = _first(best_first(score[1], seen, seen.long), common)
+    near, near_found = _first(nearest_first(seen, seen.long), usable)
+    offset = seen.offset.reshape(-1, 2)[jnp.where(nominal_found, short, jnp.where(widened_found, long, near))]
+    lost = ~(near_found | widened_found)
+    far, far_found = _resort(nominal, footing, terrain, rectangle, reachable, ground.level, lost, extent.resort)
+    each = jnp.where(near_found | far_found, FootholdStatus.NEAREST, FootholdStatus.NONE)
+    status = jnp.where(nominal_found, FootholdStatus.NOMINAL, jnp.where(widened_found, FootholdStatus.WIDENED, each))
+    offset = jnp.where(lost[:, None], jnp.where(far_found[:, None], far, 0.0), offset)
+    return Footholds(offset, status.astype(jnp.int32))
 
 
 def soft_offset(
@@ -85,7 +89,8 @@ def soft_offset(
     valid: Bool[Array, "nx ny"],
     terrain: HeightMap,
     rectangle: SearchRectangle,
-    cells: tuple[int, int],
+    reachable: Reachable,
+    extent: Extent,
     temperature: Float[ArrayLike, ""],
 ) -> Float[Array, "2"]:
     """Soft form of the first run of the cascade: the softmax mean of the common offsets, for gradients.
@@ -93,50 +98,76 @@ def soft_offset(
     Tends to `choose`'s offset as the temperature tends to 0 (where that run finds one and has no tie); differentiable in the
     rectangle's parameters. With no common candidate it is zero.
     """
-    offsets, inside, _ = _candidates(terrain, rectangle, cells)
-    common = jnp.all(_usable(nominal, valid, terrain, rectangle, offsets), axis=0) & inside
-    logits = jnp.where(common, _scores(offsets, rectangle, 0.0) / temperature, -jnp.inf)
-    weight = jax.nn.softmax(jnp.where(jnp.any(common), logits, 0.0))
-    mean = jnp.sum(weight[:, None] * _turn(offsets, rectangle.heading), axis=0)
+    seen = candidates(rectangle, terrain.resolution, extent.cells)
+    footing = jnp.where(valid & jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
+    ground = _look(nominal, footing, terrain, seen, extent.cells)
+    common = jnp.all(_within(ground.height, ground.level[:, None, None], reachable), axis=0) & seen.short
+    logits = jnp.where(common, feasible_score(seen.along, rectangle) / temperature, -jnp.inf)
+    weight = jax.nn.softmax(jnp.where(jnp.any(common), logits, 0.0), axis=(0, 1))
+    mean = jnp.sum(weight[..., None] * seen.offset, axis=(0, 1))
     return jnp.where(jnp.any(common), mean, 0.0)
 
 
-def _candidates(terrain, rectangle, cells):
-    """Offsets (ahead, left) [m], and which lie in the rectangle and in the lengthened one (a cell's centre counts)."""
-    offsets = jnp.asarray(lattice(*cells), terrain.elevation.dtype) * terrain.resolution
-    slack = 1e-3 * terrain.resolution
-    ahead, aside = jnp.abs(offsets[:, 0]), jnp.abs(offsets[:, 1]) <= 0.5 * rectangle.width + slack
-    short = (ahead <= 0.5 * rectangle.length + slack) & aside
-    return offsets, short, (ahead <= 0.5 * (rectangle.length + rectangle.longer) + slack) & aside
+def nearest_cell(terrain: HeightMap, xy: Float[Array, "*n 2"]) -> Int[Array, "*n 2"]:
+    """Index of the cell whose centre is nearest to xy in W [m]; beyond the map it goes on counting."""
+    return jnp.round((xy - terrain.origin) / terrain.resolution).astype(jnp.int32)
 
 
-def _turn(offsets, heading):
-    c, s = jnp.cos(heading), jnp.sin(heading)
-    ahead, left = offsets[..., 0], offsets[..., 1]
-    return jnp.stack([c * ahead - s * left, s * ahead + c * left], axis=-1)
+def _look(nominal, footing, terrain, seen: Candidates, cells: tuple[int, int]) -> Ground:
+    """Cut each leg's candidates out of the map, which is bordered by cells that are no footholds."""
+    border = [(2 * n, 2 * n + 1) for n in cells]  # a nominal foothold beyond it sees nothing but border
+    bordered = jnp.pad(footing, border, constant_values=jnp.nan)
+    half, size = jnp.array(cells), tuple(2 * n + 1 for n in cells)
+    corner = jnp.clip(nearest_cell(terrain, nominal) + half, 0, jnp.array(bordered.shape) - jnp.array(size))
+    height = jax.vmap(lambda c: jax.lax.dynamic_slice(bordered, c, size))(corner)
+    return Ground(height, _levels(jnp.where(seen.long, height, jnp.nan)))
 
 
-def _usable(nominal, valid, terrain, rectangle, offsets):
-    """Whether each candidate of each leg falls on a valid cell of the map (leg, candidate)."""
-    points = nominal[:, None] + _turn(offsets, rectangle.heading)
-    index = jnp.round((points - terrain.origin) / terrain.resolution).astype(jnp.int32)
-    size = jnp.array(valid.shape, jnp.int32)
-    inside = jnp.all((index >= 0) & (index < size), axis=-1)
-    index = jnp.clip(index, 0, size - 1)
-    return valid[index[..., 0], index[..., 1]] & inside
+def _levels(height: Float[Array, "leg i j"]) -> Float[Array, "leg"]:
+    """Mean height of the two legs' candidates at each leg's end of the trunk, which pitches with the ground; NaN for none."""
+    there = jnp.isfinite(height)
+    count = jnp.sum(there, axis=(1, 2))
+    mean = jnp.sum(jnp.where(there, height, 0.0), axis=(1, 2)) / jnp.maximum(count, 1)
+    end = jnp.array(LEG_END)
+    mates = (end[:, None] == end) & (count > 0)
+    return jnp.sum(jnp.where(mates, mean, 0.0), axis=1) / jnp.sum(mates, axis=1)
 
 
-def _scores(offsets, rectangle, extra):
-    return jax.vmap(feasible_score, in_axes=(0, None, None))(offsets, rectangle, rectangle.length + extra)
+def _within(height, level, reachable: Reachable):
+    """Whether there is a foothold at a height that the leg reaches; a leg that has seen no level takes any."""
+    above = height - level
+    return jnp.isfinite(height) & ~(above < reachable.lowest) & ~(above > reachable.highest)
 
 
-def _best(score, allowed):
-    """First of the best: the lattice stands in the order of preference. Scores are compared on a grid of 1e-5, so that
-    a tie stays one whatever the rounding of the sum."""
-    return jnp.argmax(jnp.where(allowed, jnp.round(score * 1e5), -jnp.inf))
+def _first(order: Order, allowed: Bool[Array, "*leg i j"]):
+    """Flat index of the first allowed candidate of an order, and whether there is one."""
+    last = order.candidate.size - 1
+    rank = jnp.min(jnp.where(allowed, order.rank, last + 1), axis=(-2, -1))
+    return order.candidate[jnp.minimum(rank, last)], rank <= last
 
 
-def _nearest(offsets, usable, in_long):
-    distance = jnp.round(jnp.sum(offsets**2, axis=-1) * 1e7)
-    allowed = usable & in_long
-    return jnp.argmin(jnp.where(allowed, distance, jnp.inf), axis=-1), jnp.any(allowed, axis=-1)
+def _resort(nominal, footing, terrain, rectangle, reachable: Reachable, level, lost, reach: int):
+    """Last resort: each lost leg's nearest foothold within one step length. Stops looking when no leg is lost any more."""
+    cells = cells_around((reach, reach)).reshape(1, -1, 2)
+    offset = jnp.asarray(cells, nominal.dtype) * terrain.resolution
+    along = to_heading(offset, rectangle.heading)
+    close = jnp.sum(offset**2, axis=-1) <= (reachable.step + 1e-3 * terrain.resolution) ** 2
+    order = nearest_first(Candidates(offset, along, close, close), jnp.ones_like(close)).candidate
+    order = jnp.pad(order, (0, -order.size % BLOCK), mode="edge")
+    start, size = nearest_cell(terrain, nominal), jnp.array(footing.shape)
+
+    def look(state):
+        at, found, pick = state
+        some = jax.lax.dynamic_slice(order, (at,), (BLOCK,))
+        cell = start[:, None] + jnp.asarray(cells[0])[some]
+        there = jnp.all((cell >= 0) & (cell < size), axis=-1) & close[0, some]
+        cell = jnp.clip(cell, 0, size - 1)
+        good = there & _within(footing[cell[..., 0], cell[..., 1]], level[:, None], reachable)
+        new = jnp.where(found, pick, some[jnp.argmax(good, axis=-1)])
+        return at + BLOCK, found | jnp.any(good, axis=-1), new
+
+    def going(state):
+        return (state[0] < order.size) & jnp.any(~state[1])
+
+    _, found, pick = jax.lax.while_loop(going, look, (jnp.zeros((), jnp.int32), ~lost, jnp.zeros(lost.shape, jnp.int32)))
+    return offset[0, pick], found & lost

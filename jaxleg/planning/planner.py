@@ -4,11 +4,15 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxleg.kinematics import reach_for_bend
+from jaxleg.numerics import sqrt_safe
 from jaxleg.plan import GaitParams, Walk
 from jaxleg.planning.crawl import CrawlSettings, crawl
-from jaxleg.planning.footholds import Footholds, SearchRectangle, choose
+from jaxleg.planning.footholds import Footholds, Reachable, choose
+from jaxleg.planning.rectangle import Extent, SearchRectangle
 from jaxleg.robot import Robot
 from jaxleg.stance import nominal_stances
 from jaxleg.terrain.heightmap import HeightMap
@@ -28,16 +32,41 @@ class Choice(NamedTuple):
     status: Int[Array, "stance leg"]
 
 
-def choose_footholds(params: GaitParams, rectangle: SearchRectangle, site: Site, cells: tuple[int, int], cycles: int) -> Choice:
-    """Choose the footholds of a walk, one cascade for each stance of four feet (paper A, IV.B.3).
+def reachable_heights(robot: Robot, params: GaitParams, least_bend: Float[ArrayLike, ""]) -> Reachable:
+    """Heights of a foothold over the ground round it that a leg reaches (the "kinematically valid" of paper A, IV.B.3).
 
-    Every stance starts from its own nominal footholds along the path. The choice is piecewise constant: no gradient.
+    The hips' plane may come down to the thigh's length over the ground (A5, A17), and the foot is at most |L_F2H| + L_Step/2
+    before or behind its hip: so deep reaches the leg at its least knee bend. No foot stands higher than H_COG - L2.
     """
-    nominal = jax.lax.stop_gradient(nominal_stances(params, 0, cycles + 1))
-    found: Footholds = jax.vmap(choose, in_axes=(0, None, None, None, None))(
-        nominal, site.valid, site.terrain, rectangle, cells
+    thigh = -robot.link_offset[0, 1, 2]
+    ahead = jnp.abs(params.foot_offset) + 0.5 * params.step_length
+    deepest = sqrt_safe(reach_for_bend(robot.link_offset[0], least_bend) ** 2 - ahead**2)
+    return Reachable(thigh - deepest, params.hip_height - thigh, params.step_length)
+
+
+def plan_footholds(
+    nominal: Float[Array, "stance leg 2"], rectangle: SearchRectangle, reachable: Reachable, site: Site, extent: Extent
+) -> Choice:
+    """Choose 4, 8, 12, ... footholds: one cascade for each stance of four feet, each from its own nominal footholds."""
+    found: Footholds = jax.vmap(choose, in_axes=(0, None, None, None, None, None))(
+        nominal, site.valid, site.terrain, rectangle, reachable, extent
     )
-    return Choice(jax.lax.stop_gradient(found.offset), found.status)
+    return Choice(found.offset, found.status)
+
+
+def choose_footholds(
+    robot: Robot,
+    params: GaitParams,
+    least_bend: Float[ArrayLike, ""],
+    rectangle: SearchRectangle,
+    site: Site,
+    extent: Extent,
+    cycles: int,
+) -> Choice:
+    """Choose the footholds of a walk along +x, the stance it begins in included (paper A, IV.B.3); no gradient."""
+    params, rectangle, site = jax.lax.stop_gradient((params, rectangle, site))
+    nominal = nominal_stances(params, 0, cycles + 1)
+    return plan_footholds(nominal, rectangle, reachable_heights(robot, params, least_bend), site, extent)
 
 
 def no_choice(cycles: int, dtype: jnp.dtype) -> Choice:
@@ -51,9 +80,9 @@ def plan_walk(
     settings: CrawlSettings,
     rectangle: SearchRectangle,
     site: Site,
-    cells: tuple[int, int],
+    extent: Extent,
     cycles: int = 2,
 ) -> Walk:
     """A walk of whole cycles along +x on a site: footholds by the cascade, then the crawl over them."""
-    choice = choose_footholds(params, rectangle, site, cells, cycles)
+    choice = choose_footholds(robot, params, settings.least_knee_bend, rectangle, site, extent, cycles)
     return crawl(robot, params, settings, site.terrain, choice.offset, choice.status)

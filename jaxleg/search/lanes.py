@@ -17,10 +17,10 @@ from jaxtyping import Array, Float
 from jaxleg.energy import CONVENTIONS, Convention, Power, electrical
 from jaxleg.plan import GaitParams, PlanChecks, Reference
 from jaxleg.planning.crawl import CrawlSettings
-from jaxleg.planning.footholds import SearchRectangle
 from jaxleg.planning.planner import Choice, Site, choose_footholds, crawl
 from jaxleg.planning.proxy import checks as plan_checks
 from jaxleg.planning.proxy import evaluate
+from jaxleg.planning.rectangle import Extent, SearchRectangle
 from jaxleg.planning.reference import instants, reference, to_reference
 from jaxleg.robot import Robot
 from jaxleg.search.batches import over_lanes
@@ -76,7 +76,7 @@ class Lab:
     speed: float
     clearance: float
     load_share: float
-    cells: tuple[int, int]  # half extents of the foothold lattice
+    extent: Extent  # of the foothold search
     samples: tuple[int, int]
     steps: int
     chunk: int
@@ -98,10 +98,10 @@ class Lab:
         """The walk of one lane with its footholds chosen."""
         return crawl(self.robot, params, self.settings(least_bend), site.terrain, choice.offset, choice.status)
 
-    def choose(self, vector: Float[Array, "parameter"], site: Site) -> Choice:
+    def choose(self, vector: Float[Array, "parameter"], site: Site, least_bend: Float[Array, ""]) -> Choice:
         """The footholds of one lane; no gradient."""
-        params = to_params(jax.lax.stop_gradient(vector))
-        return choose_footholds(params, self.rectangle, site, self.cells, CYCLES)
+        params = to_params(vector)
+        return choose_footholds(self.robot, params, least_bend, self.rectangle, site, self.extent, CYCLES)
 
     def proxy(self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting) -> Score:
         """Judge one lane by the energy proxy of its walk."""
@@ -140,7 +140,7 @@ class Lab:
         """Batched `proxy` with the cascade's choice, and the gradient of its objective with that choice held."""
 
         def lane(vector, site, setting):
-            choice = self.choose(vector, site)
+            choice = self.choose(vector, site, setting.least_bend)
 
             def value(x):
                 score = self.proxy(x, site, choice, setting)
@@ -156,7 +156,8 @@ class Lab:
         """Batched sampled references with the cascade's choice: (vectors, sites, settings) -> references."""
 
         def lane(vector, site, setting):
-            walk = self.walk(to_params(vector), site, self.choose(vector, site), setting.least_bend)
+            choice = self.choose(vector, site, setting.least_bend)
+            walk = self.walk(to_params(vector), site, choice, setting.least_bend)
             return reference(self.robot, walk, self.settings(setting.least_bend), self.samples)
 
         return over_lanes(lane, self.chunk)
@@ -164,14 +165,18 @@ class Lab:
     @functools.cached_property
     def simulate_lanes(self) -> Callable[..., tuple[Score, Meters]]:
         """Batched `simulated`: (vectors, sites, settings) -> (scores, meters)."""
-        return over_lanes(lambda v, site, setting: self.simulated(v, site, self.choose(v, site), setting)[1], self.chunk)
+
+        def lane(vector, site, setting):
+            return self.simulated(vector, site, self.choose(vector, site, setting.least_bend), setting)[1]
+
+        return over_lanes(lane, self.chunk)
 
     @functools.cached_property
     def simulate_gradients(self) -> Callable[..., tuple[Score, Meters, Array]]:
         """Batched gradient of the simulated objective, reverse mode through the rollout, the footholds held."""
 
         def lane(vector, site, setting):
-            choice = self.choose(vector, site)
+            choice = self.choose(vector, site, setting.least_bend)
             gradient, (score, meters) = jax.grad(self.simulated, has_aux=True)(vector, site, choice, setting)
             return score, meters, gradient
 

@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxleg.planning.footholds import SearchRectangle
+from jaxleg.planning.rectangle import SearchRectangle, extent_of
 from jaxleg.robot import Robot
 from jaxleg.search.config import BASELINES, MOVED, Study, baseline
 from jaxleg.search.lanes import Lab
@@ -29,8 +29,7 @@ def make_lab(study: Study, robot: Robot) -> Lab:
     table, sim = study.rectangle, study.simulation
     numbers = (table.search_length, table.search_width, table.longer, table.nominal_weight, 0.0)
     rectangle = SearchRectangle(*(jnp.asarray(x, float) for x in numbers))
-    half = np.array([0.5 * (table.search_length + table.longer), 0.5 * table.search_width])
-    cells = tuple(int(n) for n in np.floor(half / study.terrains.resolution + 1e-3))
+    step = max(study.bounds.step_length[1], *(getattr(study.contestants, name).step_length for name in BASELINES))
     return Lab(
         robot=robot,
         rectangle=rectangle,
@@ -38,7 +37,7 @@ def make_lab(study: Study, robot: Robot) -> Lab:
         speed=study.speed,
         clearance=sim.clearance,
         load_share=sim.load_share,
-        cells=cells,
+        extent=extent_of(table.search_length + table.longer, table.search_width, step, study.terrains.resolution),
         samples=(sim.shift_samples, sim.swing_samples),
         steps=sim.steps,
         chunk=sim.chunk,

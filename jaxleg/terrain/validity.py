@@ -1,4 +1,4 @@
-"""Where a foot may be placed: slope, edges and unseen cells. (The traversability map of paper A, A9, comes on top.)"""
+"""Where a foot may be placed: traversability, slope, edges and unseen cells. The foot is a disc, not a point."""
 
 import jax.numpy as jnp
 from jax.typing import ArrayLike
@@ -13,6 +13,7 @@ def valid_cells(
     window: int,
     slope_limit: Float[ArrayLike, ""] = 0.6,
     edge_height: Float[ArrayLike, ""] = 0.03,
+    easy: Bool[Array, "nx ny"] | None = None,
 ) -> Bool[Array, "nx ny"]:
     """Whether a foot may stand with its centre on each cell.
 
@@ -20,16 +21,19 @@ def valid_cells(
     no unseen cell and no edge lies within `foot_radius` [m]. An edge is a pair of neighbouring cells more than `edge_height`
     [m] apart; it takes up both cells, so the radius is measured to the cells' borders (half a cell is added).
     `window` >= ceil(foot_radius / resolution + 0.5) is how many cells are looked at; a smaller one overlooks some.
-    Outside the map the ground goes on as at its border.
+    `easy` marks the cells whose traversability is high enough (A9); every cell within `foot_radius` must be. Outside the map
+    the ground goes on as at its border. An infinite elevation counts as unseen.
     """
-    elevation = jnp.pad(terrain.elevation, 1, mode="edge")
+    elevation = jnp.where(jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
+    elevation = jnp.pad(elevation, 1, mode="edge")
     centre = elevation[1:-1, 1:-1]
     bad = jnp.isnan(centre)
     for neighbour in _neighbours(elevation):
         bad = bad | (jnp.abs(neighbour - centre) > edge_height)
     slope = jnp.hypot(node_slopes(elevation[:, 1:-1]), node_slopes(elevation[1:-1].T).T)
     gentle = slope <= jnp.tan(slope_limit) * terrain.resolution  # false for NaN
-    return gentle & ~_spread(bad, foot_radius / terrain.resolution + 0.5, window)
+    clear = gentle & ~_spread(bad, foot_radius / terrain.resolution + 0.5, window)
+    return clear if easy is None else clear & ~_spread(~easy, foot_radius / terrain.resolution + 1e-3, window)
 
 
 def _neighbours(padded):

@@ -34,5 +34,5 @@ def draw_study(study: Study, lab: Lab, result: dict[str, Any], history_file: Pat
 
 
 def _plan(lab: Lab, vector: jax.Array, site: Any, bend: jax.Array) -> tuple[Walk, Reference]:
-    walk = lab.walk(GaitParams(*vector), site, lab.choose(vector, site), bend)
+    walk = lab.walk(GaitParams(*vector), site, lab.choose(vector, site, bend), bend)
     return walk, reference(lab.robot, walk, lab.settings(bend), lab.samples)
