@@ -8,7 +8,8 @@ import numpy as np
 
 from jaxleg.planning.planner import Site
 from jaxleg.search.config import Kind, Study
-from jaxleg.terrain.generators import Grid, TerrainSettings, terrain_batch
+from jaxleg.terrain.features import FeatureSettings, traversability
+from jaxleg.terrain.generators import BATCH, Grid, TerrainSettings, terrain_batch
 from jaxleg.terrain.validity import valid_cells
 
 HELD_OUT = 1_000_000  # number of the first held-out terrain: training never comes that far
@@ -29,17 +30,21 @@ def make_sites(study: Study, foot_radius: float, kind: str, held_out: bool) -> S
     settings = TerrainSettings(table.rise, table.run, 0.0, table.amplitude, table.correlation_length)
     difficulties = jnp.asarray(_spread(table, count), float)
     first = HELD_OUT if held_out else 0
-    window = int(np.ceil(foot_radius / maps.resolution + 0.5))
-    slope = float(np.deg2rad(maps.slope_limit_deg))
+    limits = (float(np.deg2rad(maps.slope_limit_deg)), maps.edge_height)
+    return _build(
+        table.generator, grid(study), first, settings, foot_radius, limits, maps.least_traversability, key, difficulties
+    )
 
-    limits = (foot_radius, window, slope, maps.edge_height)
-    return _build(table.generator, grid(study), first, settings, limits, key, difficulties)
 
-
-@functools.partial(jax.jit, static_argnums=range(5))
-def _build(generator, grid, first, settings, limits, key, difficulties):
+@functools.partial(jax.jit, static_argnums=range(7))
+def _build(generator, grid, first, settings, foot_radius, limits, least, key, difficulties):
     terrain = terrain_batch(generator, grid, key, first, difficulties, settings)
-    return Site(terrain, jax.vmap(lambda t: valid_cells(t, *limits))(terrain))
+
+    def valid(one):
+        easy = traversability(one, grid.resolution, FeatureSettings()) >= least
+        return valid_cells(one, grid.resolution, foot_radius, *limits, easy)
+
+    return Site(terrain, jax.lax.map(valid, terrain, batch_size=BATCH))
 
 
 def grid(study: Study) -> Grid:

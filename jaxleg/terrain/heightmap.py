@@ -80,7 +80,11 @@ def _controls(patch: Float[Array, "4 4"]) -> Float[Array, "4 4"]:
 def node_slopes(elevation: Float[Array, "n m"]) -> Float[Array, "n-2 m"]:
     """Slopes [m per cell] along axis 0 at the inner rows: harmonic mean of the differences on either side, 0 at an extremum."""
     difference = elevation[1:] - elevation[:-1]
-    before, after = difference[:-1], difference[1:]
+    return mean_slope(difference[:-1], difference[1:])
+
+
+def mean_slope(before: Float[Array, "*n"], after: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Harmonic mean of the differences on either side of a cell, 0 where their signs differ; NaN if one is."""
     product = before * after
     monotone = product > 0
     total = jnp.where(monotone, before + after, 1.0)

@@ -4,13 +4,14 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-from jaxleg.terrain.heightmap import HeightMap, node_slopes
+from jaxleg.terrain.features import disc
+from jaxleg.terrain.heightmap import HeightMap, mean_slope
 
 
 def valid_cells(
     terrain: HeightMap,
-    foot_radius: Float[ArrayLike, ""],
-    window: int,
+    resolution: float,
+    foot_radius: float,
     slope_limit: Float[ArrayLike, ""] = 0.6,
     edge_height: Float[ArrayLike, ""] = 0.03,
     easy: Bool[Array, "nx ny"] | None = None,
@@ -20,33 +21,30 @@ def valid_cells(
     Valid: the sampled surface is at most as steep as `slope_limit` [rad] there (it is not where a neighbour is unseen), and
     no unseen cell and no edge lies within `foot_radius` [m]. An edge is a pair of neighbouring cells more than `edge_height`
     [m] apart; it takes up both cells, so the radius is measured to the cells' borders (half a cell is added).
-    `window` >= ceil(foot_radius / resolution + 0.5) is how many cells are looked at; a smaller one overlooks some.
     `easy` marks the cells whose traversability is high enough (A9); every cell within `foot_radius` must be. Outside the map
-    the ground goes on as at its border. An infinite elevation counts as unseen.
+    the ground goes on as at its border. An infinite elevation is unseen with an edge round it. `resolution` is the map's
+    [m per cell] and static, like the radius: they set the windows.
     """
-    elevation = jnp.where(jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
-    elevation = jnp.pad(elevation, 1, mode="edge")
-    centre = elevation[1:-1, 1:-1]
-    bad = jnp.isnan(centre)
-    for neighbour in _neighbours(elevation):
-        bad = bad | (jnp.abs(neighbour - centre) > edge_height)
-    slope = jnp.hypot(node_slopes(elevation[:, 1:-1]), node_slopes(elevation[1:-1].T).T)
-    gentle = slope <= jnp.tan(slope_limit) * terrain.resolution  # false for NaN
-    clear = gentle & ~_spread(bad, foot_radius / terrain.resolution + 0.5, window)
-    return clear if easy is None else clear & ~_spread(~easy, foot_radius / terrain.resolution + 1e-3, window)
+    ahead, aside = _differences(terrain.elevation), _differences(terrain.elevation.T).T
+    jump = [jnp.abs(difference) > edge_height for difference in (ahead, aside)]
+    bad = ~jnp.isfinite(terrain.elevation) | jump[0][1:] | jump[0][:-1] | jump[1][:, 1:] | jump[1][:, :-1]
+    steepness = mean_slope(ahead[:-1], ahead[1:]) ** 2 + mean_slope(aside[:, :-1], aside[:, 1:]) ** 2
+    gentle = steepness <= (jnp.tan(slope_limit) * resolution) ** 2  # false for NaN
+    clear = gentle & ~_spread(bad, disc(foot_radius + 0.5 * resolution, resolution))
+    return clear if easy is None else clear & ~_spread(~easy, disc(foot_radius, resolution))
 
 
-def _neighbours(padded):
-    return padded[2:, 1:-1], padded[:-2, 1:-1], padded[1:-1, 2:], padded[1:-1, :-2]
+def _differences(elevation):
+    """Height differences along axis 0 before and after each cell; 0 beyond the border."""
+    return jnp.pad(elevation[1:] - elevation[:-1], ((1, 1), (0, 0)))
 
 
-def _spread(bad, radius, window):
-    """Cells with a bad one within `radius` cells."""
-    padded = jnp.pad(bad, window)  # beyond the border nothing is nearer than the border
+def _spread(bad, window):
+    """Cells with a bad one in their window; beyond the border nothing is nearer than the border."""
+    reach = max(max(abs(i), abs(j)) for i, j in window)
+    padded = jnp.pad(bad, reach)
     nx, ny = bad.shape
     near = jnp.zeros_like(bad)
-    for i in range(-window, window + 1):
-        for j in range(-window, window + 1):
-            shifted = padded[window + i : window + i + nx, window + j : window + j + ny]
-            near = near | (shifted & (i * i + j * j <= radius**2))
+    for i, j in window:
+        near = near | padded[reach + i : reach + i + nx, reach + j : reach + j + ny]
     return near
