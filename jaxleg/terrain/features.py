@@ -6,11 +6,14 @@ use the seen cells in them; beyond the map's border there are none. An unseen (n
 """
 
 import dataclasses
-from typing import NamedTuple
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Shaped
 
 from jaxleg.numerics import sqrt_safe
 from jaxleg.terrain.heightmap import HeightMap
@@ -45,6 +48,24 @@ def disc(radius: float, resolution: float) -> Disc:
     cells = np.arange(-reach, reach + 1)
     limit = (radius / resolution + 1e-6) ** 2
     return tuple((int(i), int(j)) for i in cells for j in cells if i * i + j * j <= limit)
+
+
+def over_disc(values: Shaped[Array, "nx ny"], start: Any, reduce: Callable, window: Disc) -> Shaped[Array, "nx ny"]:
+    """An idempotent reduction (or, max) of each cell's disc, which begins with `start` and so ends at the map's border.
+
+    The disc is a union of a few rectangles, each of them two passes, along x and along y.
+    """
+    parts = []
+    for i, j in _corners(window):
+        along = jax.lax.reduce_window(values, start, reduce, (2 * i + 1, 1), (1, 1), "SAME")
+        parts.append(jax.lax.reduce_window(along, start, reduce, (1, 2 * j + 1), (1, 1), "SAME"))
+    return functools.reduce(reduce, parts)
+
+
+def _corners(window: Disc) -> list[tuple[int, int]]:
+    """Corners (i, j >= 0) of the largest rectangles within a disc."""
+    widest = {i: max(j for k, j in window if k == i) for i, _ in window if i >= 0}
+    return [(i, j) for i, j in widest.items() if j > widest.get(i + 1, -1)]
 
 
 def traversability(terrain: HeightMap, resolution: float, settings: FeatureSettings) -> Float[Array, "nx ny"]:
@@ -98,9 +119,9 @@ def step_height(elevation: Float[Array, "nx ny"], resolution: float, settings: F
     that exceed the critical step.
     """
     first, second = disc(settings.first_radius, resolution), disc(settings.second_radius, resolution)
-    difference = -_lowest(-elevation, first) - _lowest(elevation, first)
+    difference = _highest(elevation, first) + _highest(-elevation, first)
     difference = jnp.where(jnp.isnan(elevation), jnp.nan, difference)
-    highest = -_lowest(-difference, second)
+    highest = _highest(difference, second)
     critical = (difference > settings.critical_step).astype(elevation.dtype)
     count = sum(_shifted(critical, second, 0.0))
     return jnp.minimum(highest, count / settings.critical_count * highest)
@@ -119,12 +140,9 @@ def _moments(heights, seen, window):
     return count, mean_i, mean_j, mean_z, *centred
 
 
-def _lowest(values, window):
-    """Least of the seen values in a window; infinite where there is none."""
-    low = jnp.full_like(values, jnp.inf)
-    for shifted in _shifted(jnp.where(jnp.isnan(values), jnp.inf, values), window, jnp.inf):
-        low = jnp.minimum(low, shifted)
-    return low
+def _highest(values, window):
+    """Greatest of the seen values in a window; minus infinity where there is none."""
+    return over_disc(jnp.where(jnp.isnan(values), -jnp.inf, values), -jnp.inf, jax.lax.max, window)
 
 
 def _shifted(values, window, beyond):

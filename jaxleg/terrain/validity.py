@@ -1,10 +1,11 @@
 """Where a foot may be placed: traversability, slope, edges and unseen cells. The foot is a disc, not a point."""
 
+import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-from jaxleg.terrain.features import disc
+from jaxleg.terrain.features import disc, over_disc
 from jaxleg.terrain.heightmap import HeightMap, mean_slope
 
 
@@ -30,21 +31,10 @@ def valid_cells(
     bad = ~jnp.isfinite(terrain.elevation) | jump[0][1:] | jump[0][:-1] | jump[1][:, 1:] | jump[1][:, :-1]
     steepness = mean_slope(ahead[:-1], ahead[1:]) ** 2 + mean_slope(aside[:, :-1], aside[:, 1:]) ** 2
     gentle = steepness <= (jnp.tan(slope_limit) * resolution) ** 2  # false for NaN
-    clear = gentle & ~_spread(bad, disc(foot_radius + 0.5 * resolution, resolution))
-    return clear if easy is None else clear & ~_spread(~easy, disc(foot_radius, resolution))
+    clear = gentle & ~over_disc(bad, False, jax.lax.bitwise_or, disc(foot_radius + 0.5 * resolution, resolution))
+    return clear if easy is None else clear & ~over_disc(~easy, False, jax.lax.bitwise_or, disc(foot_radius, resolution))
 
 
 def _differences(elevation):
     """Height differences along axis 0 before and after each cell; 0 beyond the border."""
     return jnp.pad(elevation[1:] - elevation[:-1], ((1, 1), (0, 0)))
-
-
-def _spread(bad, window):
-    """Cells with a bad one in their window; beyond the border nothing is nearer than the border."""
-    reach = max(max(abs(i), abs(j)) for i, j in window)
-    padded = jnp.pad(bad, reach)
-    nx, ny = bad.shape
-    near = jnp.zeros_like(bad)
-    for i, j in window:
-        near = near | padded[reach + i : reach + i + nx, reach + j : reach + j + ny]
-    return near
