@@ -5,6 +5,7 @@ Points are horizontal (x, y) in W [m].
 
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
 from jaxleg.conventions import LEGS, RING
@@ -38,6 +39,22 @@ def overlap_incentre(
     The overlap is the triangle of the standing feet and the crossing of the diagonals.
     """
     return incentre(front, hind, crossing(front, swing_hind, hind, swing_front))
+
+
+def overlap_median(
+    front: Float[Array, "2"],
+    hind: Float[Array, "2"],
+    swing_front: Float[Array, "2"],
+    swing_hind: Float[Array, "2"],
+    ratio: Float[ArrayLike, ""],
+) -> Float[Array, "2"]:
+    """Point on the median of the same overlap (arguments as in `overlap_incentre`). Paper C, equation (21).
+
+    The median runs from the crossing of the diagonals (ratio 0) to the middle of the standing side (ratio 1): only that one
+    is the same for both sides (reading; the text leaves the vertex open).
+    """
+    vertex = crossing(front, swing_hind, hind, swing_front)
+    return vertex + ratio * (0.5 * (front + hind) - vertex)
 
 
 def stability_margin(com: Float[Array, "2"], feet: Float[Array, "leg 2"], loaded: Bool[Array, "leg"]) -> Float[Array, ""]:

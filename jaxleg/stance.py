@@ -1,15 +1,47 @@
-"""Nominal stance and gait constraints. Paper A, IV.A, equations (4)-(7)."""
+"""Nominal stance and gait constraints. Paper A, IV.A, equations (4)-(7).
 
+`gait_constraints` gives the slack of each constraint; `gait_region` says of a point (L_Step, L_Search, L_Skew) at a height
+H_COG whether it is allowed and what stops it first; `step_limit`, `search_limit` and `skew_limits` give the borders.
+"""
+
+import enum
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.conventions import LEG_END, LEG_SIDE
 from jaxleg.numerics import sqrt_safe
 from jaxleg.plan import GaitParams
 from jaxleg.robot import Robot
+
+
+class Binding(enum.IntEnum):
+    """The constraint with the least slack; the last three say that no gait is possible whatever the lengths."""
+
+    SEARCH_BEHIND = 0  # (5) the foot may land behind where it stood
+    STEP_REACH = 1  # (6) the hind leg stretches straight during the body shift
+    SEARCH_REACH = 2  # (7) the flying leg stretches straight
+    SKEW = 3  # a stance's left-right offset reaches its length
+    TOO_LOW = 4  # H_COG <= L2: the knee may touch the ground
+    TOO_HIGH = 5  # H_COG >= L_Leg: the ground is out of reach
+    INVALID = 6  # an input is not finite, or L_Search is negative
+
+
+class GaitRegion(NamedTuple):
+    """Whether a gait keeps all constraints, the `Binding` one and its slack [m] (negative or 0: refused)."""
+
+    feasible: Bool[Array, "*n"]
+    binding: Int[Array, "*n"]
+    slack: Float[Array, "*n"]
+
+
+class Limit(NamedTuple):
+    """A length [m] that must stay below `length`, and the `Binding` that says so; 0 where no length is possible."""
+
+    length: Float[Array, "*n"]
+    binding: Int[Array, "*n"]
 
 
 class GaitConstraints(NamedTuple):
@@ -43,6 +75,66 @@ def gait_constraints(
 def half_step_skew(step: Float[ArrayLike, ""]) -> Float[Array, ""]:
     """L_Skew that makes a cycle's two stances mirror images. Paper A, equation (4)."""
     return 0.5 * jnp.asarray(step)
+
+
+def skew_limits(
+    step: Float[ArrayLike, "*n"], stance_length: Float[ArrayLike, "*n"]
+) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+    """Least and greatest free L_Skew [m], both excluded: L_Step - L_Stance and L_Stance; (4) lies midway.
+
+    The left-right offsets of a cycle's two stances, L_Skew and L_Skew - L_Step, must be smaller than the stance is long:
+    otherwise a front foot stands no further ahead than the other side's hind foot. None is left where L_Step >= 2 L_Stance.
+    """
+    step, stance_length = jnp.asarray(step), jnp.asarray(stance_length)
+    return step - stance_length, stance_length + jnp.zeros_like(step)
+
+
+def gait_region(
+    robot: Robot,
+    hip_height: Float[ArrayLike, "*a"],
+    step: Float[ArrayLike, "*b"],
+    search_length: Float[ArrayLike, "*c"],
+    skew: Float[ArrayLike, "*d"] | None = None,
+    stance_length: Float[ArrayLike, "*e"] = jnp.inf,
+) -> GaitRegion:
+    """Feasible region of (L_Step, L_Search, L_Skew) [m] at H_COG [m]: paper A, (5)-(7), and H_COG > L2. Inputs broadcast.
+
+    `skew` is a free one, within `skew_limits`; None is (4), half a step. `stance_length` is L_Stance (unbounded without it).
+    The binding constraint is the one of (5), (6), (7) and the skew with the least slack, unless the height or an input rules
+    out any gait. A slack of exactly 0 is refused: the paper's signs are strict.
+    """
+    lengths = (hip_height, step, search_length, half_step_skew(step) if skew is None else skew, stance_length)
+    height, step, search, skew, stance = jnp.broadcast_arrays(*(jnp.asarray(x, float) for x in lengths))
+    valid = jnp.isfinite(height + step + search + skew) & (search >= 0.0) & (stance > 0.0)
+    slack = gait_constraints(robot, height, step, search)
+    offset = stance - jnp.maximum(jnp.abs(skew), jnp.abs(skew - step))
+    lengths = jnp.stack([slack.search_behind, slack.step_reach, slack.search_reach, offset])
+    least, binding = jnp.min(lengths, axis=0), jnp.argmin(lengths, axis=0).astype(jnp.int32)
+    stretch = leg_length(robot) - height
+    for fails, why, short in (
+        (slack.knee_clear <= 0.0, Binding.TOO_LOW, slack.knee_clear),
+        (stretch <= 0.0, Binding.TOO_HIGH, stretch),
+        (~valid, Binding.INVALID, -jnp.inf),
+    ):
+        least, binding = jnp.where(fails, short, least), jnp.where(fails, why, binding)
+    return GaitRegion(least > 0.0, binding, least)
+
+
+def search_limit(robot: Robot, hip_height: Float[ArrayLike, "*a"], step: Float[ArrayLike, "*b"]) -> Limit:
+    """Greatest L_Search [m] at H_COG and L_Step, and whether (5) or (7) sets it; 0 and why where the step is refused."""
+    alone = gait_region(robot, hip_height, step, 0.0)
+    slack = gait_constraints(robot, hip_height, step, 0.0)
+    length = jnp.minimum(slack.search_behind, slack.search_reach)
+    binding = jnp.where(slack.search_behind <= slack.search_reach, Binding.SEARCH_BEHIND, Binding.SEARCH_REACH)
+    return Limit(jnp.where(alone.feasible, length, 0.0), jnp.where(alone.feasible, binding, alone.binding))
+
+
+def step_limit(robot: Robot, hip_height: Float[ArrayLike, "*n"]) -> Limit:
+    """Greatest L_Step [m] at H_COG, by (6); 0 and why where the height is refused."""
+    reach = gait_constraints(robot, hip_height, 0.0, 0.0).step_reach
+    binding = gait_region(robot, hip_height, 0.5 * reach, 0.0).binding
+    possible = binding < Binding.TOO_LOW
+    return Limit(jnp.where(possible, reach, 0.0), jnp.where(possible, Binding.STEP_REACH, binding))
 
 
 def nominal_stances(params: GaitParams, first: int, count: int) -> Float[Array, "stance leg 2"]:

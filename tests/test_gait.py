@@ -99,3 +99,16 @@ def test_crawl_swings_every_leg_once_hind_before_front_after_a_shift():
     swings = [leg for leg in gait.SWING_LEG if leg != gait.SHIFT]
     assert [LEGS[leg] for leg in swings] == ["RH", "RF", "LH", "LF"]
     assert [i for i, leg in enumerate(gait.SWING_LEG) if leg == gait.SHIFT] == [0, 3]
+
+
+def test_overlap_median_runs_from_the_diagonals_crossing_to_the_standing_side():
+    """Paper C, (21): on a parallelogram the overlap's three medians meet at two thirds; every point lies inside both."""
+    rng, median = np.random.default_rng(6), jax.jit(gait.overlap_median)
+    for _ in range(N):
+        front, swing_front, hind, swing_hind = random_feet(rng)
+        corners = (front, hind, swing_front, swing_hind)
+        crossing = np.asarray(gait.crossing(*map(jnp.array, (front, swing_hind, hind, swing_front))))
+        centroid = np.mean([front, hind, crossing], axis=0)
+        assert_allclose(median(*map(jnp.array, corners), 2.0 / 3.0), centroid, atol=1e-12)
+        for third in (swing_front, swing_hind):
+            assert inside_all_sides(np.asarray(median(*map(jnp.array, corners), 0.4)), np.stack([front, hind, third])) > 0

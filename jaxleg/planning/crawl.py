@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int
 from jaxleg.conventions import LEFT_LEGS, RIGHT_LEGS
 from jaxleg.gait import PHASES, SHIFT, SWING_LEG
 from jaxleg.plan import GaitParams, Phases, Walk
-from jaxleg.planning.posture import lowering_needed, waypoint
+from jaxleg.planning.posture import CogPlan, held_heights, lowering_needed, waypoint
 from jaxleg.planning.trajectory import foot_path, trunk_path
 from jaxleg.robot import Robot
 from jaxleg.stance import nominal_stances
@@ -32,6 +32,7 @@ class CrawlSettings:
     least_knee_bend: Float[Array, "*batch"]  # the trunk is lowered until every leg keeps it [rad]
     clearance: Float[Array, "*batch"]  # between the foot and the ground in mid-swing [m]
     load_share: Float[Array, "*batch"]  # part of a swing phase at either end in which the load is transferred
+    cog: CogPlan
 
 
 def crawl(
@@ -46,7 +47,7 @@ def crawl(
     cycles = offsets.shape[0] - 1
     footholds = on_ground(robot, terrain, nominal_stances(params, 0, cycles + 1) + offsets)
     earlier = on_ground(robot, terrain, nominal_stances(params, -1, 1)[0] + offsets[0])
-    poses, feet_from, feet_to = _stages(robot, params, footholds, earlier)
+    poses, feet_from, feet_to = _stages(robot, params, settings.cog, footholds, earlier)
     advance = (poses[-1, 0] - poses[0, 0]) / cycles
     cycle_time = jnp.full(cycles, 1.0, advance.dtype) * advance / settings.speed
     phases = _phases(params, terrain, robot, settings, poses, feet_from, feet_to, cycle_time)
@@ -65,7 +66,7 @@ def on_ground(robot: Robot, terrain: HeightMap, xy: Float[Array, "*n 2"]) -> Flo
     return jnp.concatenate([xy, (ground + robot.contact_radius * jnp.sqrt(1.0 + jnp.sum(slope**2, -1)))[..., None]], -1)
 
 
-def _stages(robot, params, footholds, earlier):
+def _stages(robot, params, cog, footholds, earlier):
     """Trunk poses (before the first shift, then after each), and the feet before and after each of the six phases."""
     left = jnp.zeros(4, bool).at[jnp.array(LEFT_LEGS)].set(True)[:, None]
     before, after, starts, ends = [jnp.where(left, earlier, footholds[0])], [footholds[0]], [], []
@@ -80,8 +81,9 @@ def _stages(robot, params, footholds, earlier):
             ends += [feet, mid, landed]
             feet = landed
     sides = jnp.array(SIDES[1:] + SIDES * (footholds.shape[0] - 1))
-    pose = jax.vmap(waypoint, in_axes=(None, None, 0, 0, 0, 0))
-    poses = pose(robot, params, jnp.stack(before), jnp.stack(after), sides[:, 0], sides[:, 1])
+    pose = jax.vmap(waypoint, in_axes=(None, None, None, 0, 0, 0, 0))
+    poses = pose(robot, params, cog, jnp.stack(before), jnp.stack(after), sides[:, 0], sides[:, 1])
+    poses = poses.at[:, 2].set(held_heights(poses[:, 2], cog.height_threshold))
     return poses, jnp.stack(starts), jnp.stack(ends)
 
 

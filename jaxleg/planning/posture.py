@@ -3,6 +3,9 @@
 Paper A, IV.C (readings A12, A16, A17). A trunk pose is (x, y, z, pitch): B's origin in W [m], nose-up pitch [rad].
 """
 
+import dataclasses
+from typing import Literal
+
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
@@ -10,11 +13,13 @@ from jaxtyping import Array, Float, Int
 
 from jaxleg.conventions import LEG_END
 from jaxleg.dynamics import all_leg_frames, centre_of_mass
-from jaxleg.gait import overlap_incentre
+from jaxleg.gait import overlap_incentre, overlap_median
 from jaxleg.kinematics import leg_angles, reach_for_bend
 from jaxleg.numerics import dot, matvec, sqrt_safe
 from jaxleg.plan import GaitParams
 from jaxleg.robot import Robot
+
+CogRule = Literal["overlap", "median"]
 
 
 def trunk_rotation(pitch: Float[Array, ""]) -> Float[Array, "3 3"]:
@@ -44,9 +49,20 @@ def com_offset(robot: Robot, pose: Float[Array, "4"], feet: Float[Array, "leg 3"
     return matvec(trunk_rotation(pose[3]), centre_of_mass(robot, all_leg_frames(robot, angles)))
 
 
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class CogPlan:
+    """How way-points of the centre of gravity are placed (paper A, IV.C; C, (21))."""
+
+    median_ratio: Float[Array, "*batch"]  # place on the median, used by the rule "median" only
+    height_threshold: Float[Array, "*batch"]  # a smaller change of a way-point's height is suppressed [m]
+    rule: CogRule = dataclasses.field(default="overlap", metadata={"static": True})
+
+
 def waypoint(
     robot: Robot,
     params: GaitParams,
+    cog: CogPlan,
     before: Float[Array, "leg 3"],
     after: Float[Array, "leg 3"],
     standing: Int[Array, "2"],
@@ -55,12 +71,14 @@ def waypoint(
     """Trunk pose in which a side's two swings happen (paper A, IV.C; reading A12).
 
     `before`, `after` are the feet before and after the two swings; `standing`, `swinging` the (front, hind) legs. Across, the
-    centre of mass (legs included, averaged over the swings) stands over the in-centre of the two support triangles' overlap.
-    Fore and aft the hips' centre stands `foot_offset` ahead of that in-centre, so the feet are behind the hips by as much: A16,
-    the margin lost is reported. Height: mean foot height + H_COG; pitch: with the line from hind to front feet (A17).
+    centre of mass (legs included, averaged over the swings) stands over the in-centre of the two support triangles' overlap,
+    or over a point on its median (rule "median"). Fore and aft the hips' centre stands `foot_offset` ahead of that point, so
+    the feet are behind the hips by as much: A16, the margin lost is reported. Height: mean foot height + H_COG; pitch: with
+    the line from hind to front feet (A17).
     """
     stand = before[standing, :2]
-    centre = overlap_incentre(stand[0], stand[1], before[swinging[0], :2], after[swinging[1], :2])
+    corners = (stand[0], stand[1], before[swinging[0], :2], after[swinging[1], :2])
+    centre = overlap_incentre(*corners) if cog.rule == "overlap" else overlap_median(*corners, cog.median_ratio)
     feet = 0.5 * (before + after)
     pitch = _ground_pitch(feet)
     height = jnp.mean(feet[:, 2]) + params.hip_height
@@ -70,6 +88,17 @@ def waypoint(
         return pose.at[1].set(centre[1] - com_offset(robot, pose, feet)[1])
 
     return jax.lax.fori_loop(0, 2, centred, pose)  # the legs trail the sway by a fifth: two passes leave under 1 mm
+
+
+def held_heights(heights: Float[Array, "n"], threshold: Float[ArrayLike, ""]) -> Float[Array, "n"]:
+    """Way-point heights [m] without the small changes: each stays where the last one was unless it differs by more than
+    the threshold [m] (paper A, IV.C, against fluctuation of the trunk)."""
+
+    def hold(last, wanted):
+        height = jnp.where(jnp.abs(wanted - last) > threshold, wanted, last)
+        return height, height
+
+    return jax.lax.scan(hold, heights[0], heights)[1]
 
 
 def _ground_pitch(feet: Float[Array, "leg 3"]) -> Float[Array, ""]:

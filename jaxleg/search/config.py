@@ -9,6 +9,7 @@ import numpy as np
 from jaxleg.conventions import InputError
 from jaxleg.energy import Convention
 from jaxleg.plan import GaitParams
+from jaxleg.planning.posture import CogRule
 from jaxleg.settings import setting
 
 PARAMETERS = tuple(field.name for field in dataclasses.fields(GaitParams))
@@ -104,6 +105,15 @@ class Rectangle:
 
 
 @dataclasses.dataclass(frozen=True)
+class Cog:
+    """Way-points of the centre of gravity (paper A, IV.C; C, (21))."""
+
+    rule: CogRule = setting("overlap", help="in-centre of the support triangles' overlap, or a point on its median")
+    median_ratio: float = setting(0.5, min=0.0, max=1.0, help="of the rule median: 0 the diagonals' crossing, 1 the side")
+    height_threshold: float = setting(0.01, min=0.0, max=0.5, unit="m", help="smaller changes of height are suppressed")
+
+
+@dataclasses.dataclass(frozen=True)
 class Search:
     """The descent on the proxy, the ranking and the polish in simulation."""
 
@@ -150,6 +160,7 @@ class Study:
     band: Span = setting((0.48, 0.52), above=0.0, max=2.0, unit="m", help="H_COG of the search `best_i`")
     terrains: Terrains = setting(Terrains())
     rectangle: Rectangle = setting(Rectangle())
+    cog: Cog = setting(Cog())
     search: Search = setting(Search())
     simulation: Simulation = setting(Simulation())
 

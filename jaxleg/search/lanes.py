@@ -18,12 +18,14 @@ from jaxleg.energy import CONVENTIONS, Convention, Power, electrical
 from jaxleg.plan import GaitParams, PlanChecks, Reference
 from jaxleg.planning.crawl import CrawlSettings
 from jaxleg.planning.planner import Choice, Site, choose_footholds, crawl
+from jaxleg.planning.posture import CogPlan
 from jaxleg.planning.proxy import checks as plan_checks
 from jaxleg.planning.proxy import evaluate
 from jaxleg.planning.rectangle import Extent, SearchRectangle
 from jaxleg.planning.reference import instants, reference, to_reference
 from jaxleg.robot import Robot
 from jaxleg.search.batches import over_lanes
+from jaxleg.search.config import Cog
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
 from jaxleg.sim.rollout import Meters, simulate
@@ -76,6 +78,7 @@ class Lab:
     speed: float
     clearance: float
     load_share: float
+    cog: Cog
     extent: Extent  # of the foothold search
     samples: tuple[int, int]
     steps: int
@@ -92,7 +95,8 @@ class Lab:
         """Planner settings at a least knee bend [rad]."""
         numbers = (jnp.asarray(x, least_bend.dtype) for x in (self.speed, self.clearance, self.load_share))
         speed, clearance, load_share = numbers
-        return CrawlSettings(speed, least_bend, clearance, load_share)
+        ratio, threshold = (jnp.asarray(x, least_bend.dtype) for x in (self.cog.median_ratio, self.cog.height_threshold))
+        return CrawlSettings(speed, least_bend, clearance, load_share, CogPlan(ratio, threshold, self.cog.rule))
 
     def walk(self, params: GaitParams, site: Site, choice: Choice, least_bend: Float[Array, ""]):
         """The walk of one lane with its footholds chosen."""

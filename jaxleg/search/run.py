@@ -37,6 +37,7 @@ def make_lab(study: Study, robot: Robot) -> Lab:
         speed=study.speed,
         clearance=sim.clearance,
         load_share=sim.load_share,
+        cog=study.cog,
         extent=extent_of(table.search_length + table.longer, table.search_width, step, study.terrains.resolution),
         samples=(sim.shift_samples, sim.swing_samples),
         steps=sim.steps,

@@ -7,6 +7,7 @@ import pytest
 
 from jaxleg.plan import GaitParams
 from jaxleg.planning.crawl import CrawlSettings, crawl
+from jaxleg.planning.posture import CogPlan
 from jaxleg.terrain import Grid, flat, rough, stairs
 
 GRID = Grid(112, 52, 0.02, (-0.9, -0.51))
@@ -21,12 +22,13 @@ def gait(height=0.5, offset=-0.1, skew=0.1, step=0.2, length=0.62, width=0.36, s
     return GaitParams(*(jnp.asarray(x, float) for x in (height, offset, skew, step, length, width, swing, shift, hind, lift)))
 
 
-def settings(bend=20.0):
-    return CrawlSettings(*(jnp.asarray(x, float) for x in (0.05, np.deg2rad(bend), 0.02, 0.1)))
+def settings(bend=20.0, threshold=0.0, rule="overlap", ratio=0.5):
+    cog = CogPlan(jnp.asarray(ratio), jnp.asarray(threshold), rule)
+    return CrawlSettings(*(jnp.asarray(x, float) for x in (0.05, np.deg2rad(bend), 0.02, 0.1)), cog)
 
 
 @pytest.fixture(scope="session")
 def walk_on(pegasus):
     none = jnp.zeros((3, 4, 2)), jnp.zeros((3, 4), jnp.int32)
     plan = jax.jit(lambda params, options, terrain: crawl(pegasus, params, options, terrain, *none))
-    return lambda params, kind="flat", bend=20.0: plan(params, settings(bend), TERRAINS[kind](GRID))
+    return lambda params, kind="flat", bend=20.0, **cog: plan(params, settings(bend, **cog), TERRAINS[kind](GRID))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxleg.gait import overlap_incentre
-from jaxleg.planning.posture import com_offset, joint_angles
+from jaxleg.planning.posture import com_offset, held_heights, joint_angles
 from jaxleg.planning.trajectory import foot_path, trunk_path
 from jaxleg.terrain import height
 from tests.planning.conftest import GRID, TERRAINS, gait, settings
@@ -49,6 +49,30 @@ def test_the_centre_of_mass_stands_over_the_overlap(walk_on, pegasus):
     com = walk.waypoints[1, :3] + com_offset(pegasus, walk.waypoints[1], 0.5 * (feet_before + feet_after))
     assert abs(com[1] - centre[1]) < 1e-3
     np.testing.assert_allclose(walk.waypoints[1, 0] - 0.1, centre[0], atol=1e-12)  # feet 0.1 m behind the hips
+
+
+def test_the_median_rule_moves_the_way_points_along_the_median(walk_on):
+    """C (21) beside A's in-centre: nearer to the standing side as the ratio grows, the same stance and step."""
+    sway = [walk_on(gait(), rule="median", ratio=ratio).waypoints[1, 1] for ratio in (0.2, 0.8)]
+    assert 0.0 < sway[0] < sway[1]  # the left legs stand first
+    np.testing.assert_allclose(np.diff(walk_on(gait(), rule="median").waypoints[::2, 0]), 0.2, atol=1e-12)
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.01, 0.05, 10.0])
+def test_small_changes_of_height_are_suppressed(threshold):
+    wanted = np.cumsum(np.random.default_rng(2).normal(0.0, 0.02, 50))
+    held, last = [], wanted[0]
+    for now in wanted:
+        last = now if abs(now - last) > threshold else last
+        held.append(last)
+    np.testing.assert_array_equal(held_heights(jnp.asarray(wanted), threshold), held)
+    assert threshold != 10.0 or len(set(held)) == 1
+
+
+def test_the_trunk_keeps_its_height_below_the_threshold(walk_on):
+    free, held = (walk_on(gait(0.46), "rough", threshold=x).waypoints[:, 2] for x in (0.0, 1.0))
+    assert np.ptp(free) > 0.002
+    np.testing.assert_allclose(held, held[0], atol=1e-12)
 
 
 def least_bend(pegasus, walk):

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from jaxleg.plan import GaitParams, Reference
 from jaxleg.planning.crawl import CrawlSettings, crawl
-from jaxleg.planning.posture import joint_angles
+from jaxleg.planning.posture import CogPlan, joint_angles
 from jaxleg.robot import load_robot
 from jaxleg.terrain.generators import Grid, flat, stairs
 from jaxleg.viz import figures
@@ -180,7 +180,7 @@ def phase_starts(robot, walk) -> Reference:
 @pytest.fixture(scope="module")
 def planned(robot):
     params = GaitParams(*map(scalar, (0.47, -0.1, 0.1, 0.2, 0.6, 0.36, 0.08, 0.45, 0.5, 0.1)))
-    settings = CrawlSettings(*map(scalar, (0.05, np.deg2rad(20.0), 0.02, 0.1)))
+    settings = CrawlSettings(*map(scalar, (0.05, np.deg2rad(20.0), 0.02, 0.1)), CogPlan(scalar(0.5), scalar(0.01)))
     offsets, status = jnp.zeros((2, 4, 2), float), jnp.zeros((2, 4), jnp.int32)
 
     @jax.jit
