@@ -46,7 +46,8 @@ def dispatch(arguments: list[str]) -> int:
 def search(arguments: list[str]) -> int:
     """`jaxleg search`: read and check everything first, then run the study in its folder."""
     from jaxleg.robot import load_robot
-    from jaxleg.search.config import Kind, Study, check_study, robot_path
+    from jaxleg.search.checks import check_study
+    from jaxleg.search.config import Kind, Study, robot_path
     from jaxleg.settings import from_command_line, load
 
     source, out, resume, overrides = split(arguments)
@@ -57,7 +58,7 @@ def search(arguments: list[str]) -> int:
     path = robot_path(study, source)
     configure_jax()
     robot = load_robot(path)
-    check_study(study, source, *leg_numbers(robot))
+    check_study(study, source, leg_numbers(robot))
     return run_study(study, robot, path, out or Path("runs") / Path(source).stem, resume)
 
 
@@ -93,11 +94,12 @@ def configure_jax() -> None:
         jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)  # see search/batches.py
 
 
-def leg_numbers(robot: Any) -> tuple[float, float]:
-    """Leg length and thigh length [m], for the check of the bounds."""
+def leg_numbers(robot: Any) -> Any:
+    """Lengths of the robot's legs, for the check of the study."""
+    from jaxleg.search.checks import Legs
     from jaxleg.stance import leg_length
 
-    return float(leg_length(robot)), float(-robot.link_offset[0, 1, 2])
+    return Legs(float(leg_length(robot)), float(-robot.link_offset[0, 1, 2]), float(robot.foot_radius))
 
 
 def run_study(study: Any, robot: Any, robot_file: Path, out: Path, resume: bool) -> int:

@@ -5,6 +5,7 @@ H_COG whether it is allowed and what stops it first; `step_limit`, `search_limit
 """
 
 import enum
+import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -72,21 +73,21 @@ def gait_constraints(
     )
 
 
-def half_step_skew(step: Float[ArrayLike, ""]) -> Float[Array, ""]:
+def half_step_skew(step: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
     """L_Skew that makes a cycle's two stances mirror images. Paper A, equation (4)."""
     return 0.5 * jnp.asarray(step)
 
 
 def skew_limits(
-    step: Float[ArrayLike, "*n"], stance_length: Float[ArrayLike, "*n"]
-) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+    step: Float[ArrayLike, "*a"], stance_length: Float[ArrayLike, "*b"]
+) -> tuple[Float[Array, "*c"], Float[Array, "*c"]]:
     """Least and greatest free L_Skew [m], both excluded: L_Step - L_Stance and L_Stance; (4) lies midway.
 
     The left-right offsets of a cycle's two stances, L_Skew and L_Skew - L_Step, must be smaller than the stance is long:
     otherwise a front foot stands no further ahead than the other side's hind foot. None is left where L_Step >= 2 L_Stance.
     """
-    step, stance_length = jnp.asarray(step), jnp.asarray(stance_length)
-    return step - stance_length, stance_length + jnp.zeros_like(step)
+    step, stance_length = jnp.broadcast_arrays(jnp.asarray(step), jnp.asarray(stance_length))
+    return step - stance_length, stance_length
 
 
 def gait_region(
@@ -104,37 +105,39 @@ def gait_region(
     out any gait. A slack of exactly 0 is refused: the paper's signs are strict.
     """
     lengths = (hip_height, step, search_length, half_step_skew(step) if skew is None else skew, stance_length)
-    height, step, search, skew, stance = jnp.broadcast_arrays(*(jnp.asarray(x, float) for x in lengths))
-    valid = jnp.isfinite(height + step + search + skew) & (search >= 0.0) & (stance > 0.0)
+    dtype = robot.link_offset.dtype
+    everywhere = jnp.vectorize(functools.partial(_region_at, robot))
+    return GaitRegion(*everywhere(*(jnp.asarray(x, dtype) for x in lengths)))
+
+
+def _region_at(robot, height, step, search, skew, stance):
     slack = gait_constraints(robot, height, step, search)
     offset = stance - jnp.maximum(jnp.abs(skew), jnp.abs(skew - step))
     lengths = jnp.stack([slack.search_behind, slack.step_reach, slack.search_reach, offset])
-    least, binding = jnp.min(lengths, axis=0), jnp.argmin(lengths, axis=0).astype(jnp.int32)
     stretch = leg_length(robot) - height
-    for fails, why, short in (
-        (slack.knee_clear <= 0.0, Binding.TOO_LOW, slack.knee_clear),
-        (stretch <= 0.0, Binding.TOO_HIGH, stretch),
-        (~valid, Binding.INVALID, -jnp.inf),
-    ):
-        least, binding = jnp.where(fails, short, least), jnp.where(fails, why, binding)
-    return GaitRegion(least > 0.0, binding, least)
+    valid = jnp.isfinite(height + step + search + skew) & (search >= 0.0) & (stance > 0.0)
+    hopeless = [~valid, slack.knee_clear <= 0.0, stretch <= 0.0]
+    binding = jnp.select(hopeless, [Binding.INVALID, Binding.TOO_LOW, Binding.TOO_HIGH], jnp.argmin(lengths))
+    least = jnp.select(hopeless, [jnp.full_like(height, -jnp.inf), slack.knee_clear, stretch], jnp.min(lengths))
+    return least > 0.0, binding.astype(jnp.int32), least
 
 
 def search_limit(robot: Robot, hip_height: Float[ArrayLike, "*a"], step: Float[ArrayLike, "*b"]) -> Limit:
-    """Greatest L_Search [m] at H_COG and L_Step, and whether (5) or (7) sets it; 0 and why where the step is refused."""
+    """Greatest L_Search [m] at H_COG and L_Step [m], and whether (5) or (7) sets it; 0 and why where the step is refused."""
     alone = gait_region(robot, hip_height, step, 0.0)
-    slack = gait_constraints(robot, hip_height, step, 0.0)
-    length = jnp.minimum(slack.search_behind, slack.search_reach)
-    binding = jnp.where(slack.search_behind <= slack.search_reach, Binding.SEARCH_BEHIND, Binding.SEARCH_REACH)
-    return Limit(jnp.where(alone.feasible, length, 0.0), jnp.where(alone.feasible, binding, alone.binding))
+    half = sqrt_safe(leg_length(robot) ** 2 - jnp.asarray(hip_height) ** 2)
+    behind, reach = 2.0 * jnp.asarray(step), 2.0 * half - 0.5 * jnp.asarray(step)
+    binding = jnp.where(behind <= reach, Binding.SEARCH_BEHIND, Binding.SEARCH_REACH)
+    length = jnp.where(alone.feasible, jnp.minimum(behind, reach), 0.0)
+    return Limit(length, jnp.where(alone.feasible, binding, alone.binding).astype(jnp.int32))
 
 
 def step_limit(robot: Robot, hip_height: Float[ArrayLike, "*n"]) -> Limit:
-    """Greatest L_Step [m] at H_COG, by (6); 0 and why where the height is refused."""
-    reach = gait_constraints(robot, hip_height, 0.0, 0.0).step_reach
-    binding = gait_region(robot, hip_height, 0.5 * reach, 0.0).binding
-    possible = binding < Binding.TOO_LOW
-    return Limit(jnp.where(possible, reach, 0.0), jnp.where(possible, Binding.STEP_REACH, binding))
+    """Greatest L_Step [m] at H_COG [m], by (6); 0 and why where the height is refused."""
+    half = sqrt_safe(leg_length(robot) ** 2 - jnp.asarray(hip_height) ** 2)
+    possible = gait_region(robot, hip_height, 0.5 * half, 0.0)
+    binding = jnp.where(possible.feasible, Binding.STEP_REACH, possible.binding)
+    return Limit(jnp.where(possible.feasible, half, 0.0), binding.astype(jnp.int32))
 
 
 def nominal_stances(params: GaitParams, first: int, count: int) -> Float[Array, "stance leg 2"]:

@@ -47,6 +47,12 @@ def config(tmp_path):
         (KIND + "[bounds]\nhip_height = [0.59, 0.60]\n", ["constraint (6)", "bounds.hip_height", "step length"]),
         (KIND + "[bounds]\nstep_length = [0.10, 0.14]\n", ["constraint (5)", "search_length"]),
         (KIND + "[rectangle]\nsearch_length = 0.9\n", ["search_length", "0.9", "constraint"]),
+        (KIND + "[terrains]\nresolution = 0.05\n", ["terrains.resolution", "0.05", "foot", "0.04"]),
+        (KIND + "[rectangle]\nsearch_width = 0.01\n", ["terrains.resolution", "search_width", "0.01"]),
+        (KIND + "[terrains]\ncells = [12, 52]\n", ["terrains.cells", "12", "rectangle", "0.38"]),
+        (KIND + "[contestants.paper]\nhip_height = 0.7\nfoot_offset = 0.0\nskew = 0.1\n", ["paper.hip_height", "0.7", "0.6"]),
+        (KIND + "[contestants.paper]\nhip_height = 0.5\nfoot_offset = 0.0\nskew = 0.7\n", ["paper.skew", "0.7", "0.6"]),
+        (KIND + "[bounds]\nskew = [0.0, 0.55]\n", ["bounds.skew", "0.55", "stance_length", "0.5"]),
     ],
 )
 def test_a_bad_config_is_refused_in_one_sentence(config, capsys, text, words):

@@ -1,4 +1,4 @@
-"""The configuration of a study: one TOML file, read into frozen dataclasses and checked once, here."""
+"""The configuration of a study: one TOML file, read into frozen dataclasses (checked as a whole in `checks`)."""
 
 import dataclasses
 from pathlib import Path
@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 
-from jaxleg.conventions import InputError
 from jaxleg.energy import Convention
 from jaxleg.plan import GaitParams
 from jaxleg.planning.posture import CogRule
@@ -188,59 +187,6 @@ def bounds(study: Study, kind: str, stage: str) -> np.ndarray:
         spans["hip_height"] = study.band
     rows = [spans[p] if p in MOVED[stage] else (value, value) for p, value in zip(PARAMETERS, fixed)]
     return np.array(rows)
-
-
-def check_study(study: Study, source: str, leg_length: float, thigh: float) -> None:
-    """Raise `InputError` for what no single key shows: no kinds, too few terrains, bounds no gait can meet."""
-    if not study.kinds:
-        raise InputError(f"{source}: kinds is empty, but at least one table [kinds.NAME] is needed")
-    for key in ("train", "held_out"):
-        if getattr(study.terrains, key) < len(study.kinds):
-            raise InputError(
-                f"{source}: terrains.{key} is {getattr(study.terrains, key)}, but must be at least"
-                f" {len(study.kinds)}, one for each of kinds"
-            )
-    for name, span in (*dataclasses.asdict(study.bounds).items(), ("band", study.band)):
-        if span[0] > span[1]:
-            where = name if name == "band" else f"bounds.{name}"
-            raise InputError(f"{source}: {where} is {list(span)}, but its lower end must not exceed its upper end")
-    for name, kind in study.kinds.items():
-        if kind.difficulty[0] > kind.difficulty[1]:
-            raise InputError(
-                f"{source}: kinds.{name}.difficulty is {list(kind.difficulty)}, but its lower end must not exceed its upper end"
-            )
-    _check_reach(study, source, leg_length, thigh)
-
-
-def _check_reach(study: Study, source: str, leg: float, thigh: float) -> None:
-    """Paper A's constraints (5)-(7) and H_COG > L2 at the corner of the bounds that is easiest to meet."""
-    for key, low, high, step in (
-        ("bounds.hip_height", *study.bounds.hip_height, study.bounds.step_length),
-        ("band", *study.band, (study.contestants.paper.step_length,) * 2),
-    ):
-        half = np.sqrt(max(leg**2 - low**2, 0.0))
-        search = study.rectangle.search_length
-        if high <= thigh:
-            raise InputError(
-                f"{source}: {key} is {[low, high]}, but H_COG > L2 (the knee's clearance) asks for more than {thigh:g}"
-            )
-        if low >= leg:
-            raise InputError(f"{source}: {key} is {[low, high]}, but the leg's length {leg:g} must exceed its lower end")
-        if step[0] >= half:
-            raise InputError(
-                f"{source}: the step length of at least {step[0]:g} and {key} {[low, high]} exclude each other:"
-                f" constraint (6), L_Step < sqrt(L_Leg^2 - H_COG^2), allows less than {half:.3f}"
-            )
-        if search >= 2.0 * step[1]:
-            raise InputError(
-                f"{source}: rectangle.search_length is {search:g}, but constraint (5), L_Search < 2 L_Step, allows less than"
-                f" {2.0 * step[1]:g}"
-            )
-        if search >= 2.0 * half - 0.5 * step[0]:
-            raise InputError(
-                f"{source}: rectangle.search_length is {search:g}, but constraint (7), L_Search < 2 sqrt(L_Leg^2 - H_COG^2)"
-                f" - L_Step/2, allows less than {2.0 * half - 0.5 * step[0]:.3f} at {key} {[low, high]}"
-            )
 
 
 def robot_path(study: Study, source: str | Path) -> Path:
