@@ -11,7 +11,7 @@ ORDER = (
     ("robot",),
     ("kinematics",),
     ("dynamics", "energy", "plan"),
-    ("statics", "gait", "stance"),
+    ("statics", "gait", "stance", "workspace"),
     ("terrain",),
     ("swing",),
     ("planning",),
