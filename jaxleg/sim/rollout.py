@@ -1,9 +1,7 @@
-"""Batched rollout of a plan: joint controllers, contact, one semi-implicit step, the meters.
+"""Batched rollout of a plan: steps along its reference, and the meters.
 
-    (M + dt D + dt J^T C J) (v+ - v)/dt = tau - bias + J^T (f - C J v),   v+ = v + dt dv/dt,   q+ = q (+) dt v+
-
-D holds the joints' damping and the controllers' velocity gain, C and f are the feet's contact (`contact.py`). `simulate` is
-one lane; `vmap` it over plans and terrains. It is differentiable, forward and reverse, through whole gait cycles.
+`simulate` and `record` are one lane; `vmap` them over plans and terrains. They are differentiable, forward and reverse,
+through whole gait cycles.
 """
 
 from typing import NamedTuple
@@ -12,26 +10,20 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxleg.energy import Power, motor_power
+from jaxleg.energy import Power
 from jaxleg.gait import stability_margin
 from jaxleg.kinematics import rotation_from_quaternion
-from jaxleg.numerics import cross, dot, matmul, matvec, norm_safe, solve_block_arrow
+from jaxleg.numerics import matvec
 from jaxleg.plan import Reference
 from jaxleg.robot import Robot
-from jaxleg.sim.contact import Ground, foot_contact
-from jaxleg.sim.engine import Engine, Terms
-from jaxleg.sim.tracking import Tracking, interpolate
+from jaxleg.sim.contact import Ground
+from jaxleg.sim.engine import Engine
+from jaxleg.sim.step import Measured, State, initial_state, step
+from jaxleg.sim.tracking import interpolate
 from jaxleg.terrain.heightmap import HeightMap, nearest_height
 
 LOADED = 1.0  # a foot counts as loaded above this normal force [N]
 FALL_TILT = 0.7071  # cosine of 45 degrees
-
-
-class State(NamedTuple):
-    """Configuration and velocity in MuJoCo's order: position in W, quaternion, joints; linear in W, angular in B, joints."""
-
-    q: Float[Array, "19"]
-    v: Float[Array, "18"]
 
 
 class Meters(NamedTuple):
@@ -47,15 +39,15 @@ class Meters(NamedTuple):
     fell: Bool[Array, ""]  # tilt > 45 deg, trunk below half its height, trunk contact, or not finite
 
 
-class _Step(NamedTuple):
-    """Per-step quantities that the meters add up."""
+class Record(NamedTuple):
+    """A rollout step by step. A lane that fell goes on with figures of no meaning, marked by `alive`."""
 
-    power: Power
-    penetration: Float[Array, "leg"]
-    normal_force: Float[Array, "leg"]
-    sliding: Float[Array, "leg"]
-    com: Float[Array, "3"]
-    foot: Float[Array, "leg 3"]
+    time: Float[Array, "t"]  # at the end of the step [s]
+    torque: Float[Array, "t leg joint"]  # of the motors, as the implicit step applied it [N m]
+    speed: Float[Array, "t leg joint"]  # of the joints in mid-step [rad/s]
+    normal_force: Float[Array, "t leg"]  # [N]
+    trunk_pos: Float[Array, "t 3"]  # B's origin in W [m]
+    alive: Bool[Array, "t"]
 
 
 def simulate(
@@ -71,6 +63,23 @@ def simulate(
 
     A fallen or non-finite lane is frozen and flagged. Reverse mode recomputes each step, so its memory is one state a step.
     """
+    return _follow(engine, robot, ground, terrain, reference, steps, metered_from, keep=lambda *_: None)[0]
+
+
+def record(
+    engine: Engine, robot: Robot, ground: Ground, terrain: HeightMap, reference: Reference, steps: int
+) -> tuple[Meters, Record]:
+    """`simulate` from the first sample on, with every step's torques, speeds and forces."""
+
+    def keep(seen: Measured, after: State, dt, ok):
+        return Record(dt, seen.torque, seen.speed, seen.normal_force, after.q[:3], ok)
+
+    meters, kept = _follow(engine, robot, ground, terrain, reference, steps, 0, keep)
+    return meters, kept._replace(time=jnp.cumsum(kept.time))
+
+
+def _follow(engine, robot, ground, terrain, reference, steps, metered_from, keep):
+    """The meters of a rollout, and what `keep` (measured, state, dt, alive) takes from each step."""
     tracking = interpolate(reference, steps)
     start = initial_state(robot, ground, reference)
     count = tracking.dt.shape[0]
@@ -86,64 +95,10 @@ def simulate(
         ok = alive & _finite(after) & ~fallen(robot, terrain, after, measured.foot, stand)
         after = jax.tree.map(lambda a, b: jnp.where(ok, a, b), after, state)
         meters = _measure(meters, measured, after, state, weight * ok, now.dt)
-        return (after, meters, ok), None
+        return (after, meters, ok), keep(measured, after, now.dt, ok)
 
-    carry, _ = jax.lax.scan(body, (start, _no_meters(start.q.dtype), jnp.array(True)), (tracking, metered))
-    return carry[1]._replace(fell=~carry[2])
-
-
-def initial_state(robot: Robot, ground: Ground, reference: Reference) -> State:
-    """The reference's first pose at rest, lowered by the penetration at which four feet carry the weight."""
-    load = robot.mass * 9.81 / 4.0
-    depth = ground.softness * jnp.log(jnp.expm1(load / (ground.stiffness * ground.softness)))
-    position = reference.trunk_pos[0] - depth * jnp.array([0.0, 0.0, 1.0], reference.time.dtype)
-    q = jnp.concatenate([position, reference.trunk_quat[0], reference.joint_pos[0].reshape(-1)])
-    return State(q, jnp.zeros(18, q.dtype))
-
-
-def step(engine: Engine, robot: Robot, ground: Ground, terrain: HeightMap, state: State, now: Tracking) -> tuple[State, _Step]:
-    """One semi-implicit step of dt towards the tracked joint reference."""
-    dt, terms = now.dt, engine(state.q, state.v)
-    angles, trunk_v, leg_v = state.q[7:].reshape(4, 3), state.v[:6], state.v[6:].reshape(4, 3)
-    wanted = robot.stiffness * (now.position - angles) + robot.velocity_gain * (now.velocity - leg_v) + now.torque
-    torque = jnp.clip(wanted, -robot.torque_limit, robot.torque_limit)
-    gain = jnp.where(jnp.abs(wanted) < robot.torque_limit, robot.velocity_gain, 0.0)
-    foot_v = matvec(terms.foot_by_trunk, trunk_v) + matvec(terms.foot_by_leg, leg_v)
-    touch = jax.vmap(foot_contact, in_axes=(None, None, None, 0, 0, None))
-    contact = touch(ground, terrain, robot.contact_radius, terms.foot, foot_v, dt)
-    force = contact.force - matvec(contact.resistance, foot_v)
-    load = torque - robot.joint_damping * leg_v
-    trunk_dv, leg_dv = _solve(terms, contact.resistance, robot.joint_damping + gain, force, load, dt)
-    torque = torque - gain * leg_dv
-    new_trunk, new_leg = trunk_v + trunk_dv, leg_v + leg_dv
-    after = State(_advance(state.q, new_trunk, new_leg, dt), jnp.concatenate([new_trunk, new_leg.reshape(-1)]))
-    power = motor_power(robot, torque, 0.5 * (leg_v + new_leg))
-    foot_v = foot_v + matvec(terms.foot_by_trunk, trunk_dv) + matvec(terms.foot_by_leg, leg_dv)
-    normal_force = dot(contact.force - matvec(contact.resistance, foot_v), contact.normal)
-    sliding = norm_safe(foot_v - contact.normal * dot(foot_v, contact.normal)[:, None])
-    return after, _Step(power, contact.penetration, normal_force, sliding, terms.com, terms.foot)
-
-
-def _solve(terms: Terms, resistance, joint_gain, force, load, dt):
-    """Velocity change over the step: the equation of the module's docstring, solved block by block."""
-    by_trunk, by_leg = terms.foot_by_trunk, terms.foot_by_leg
-    from_trunk, from_leg = jnp.swapaxes(by_trunk, -1, -2), jnp.swapaxes(by_leg, -1, -2)
-    through_leg = matmul(resistance, by_leg)
-    trunk = terms.trunk + dt * jnp.sum(matmul(from_trunk, matmul(resistance, by_trunk)), axis=0)
-    coupling = terms.coupling + dt * matmul(from_trunk, through_leg)
-    diagonal = joint_gain[..., None] * jnp.eye(3, dtype=load.dtype)
-    legs = terms.legs + dt * (diagonal + matmul(from_leg, through_leg))
-    trunk_rhs = jnp.sum(matvec(from_trunk, force), axis=0) - terms.trunk_bias
-    leg_rhs = load + matvec(from_leg, force) - terms.leg_bias
-    return solve_block_arrow(trunk, coupling, legs, dt * trunk_rhs, dt * leg_rhs)
-
-
-def _advance(q, trunk_v, leg_v, dt):
-    """q (+) dt v: the trunk's orientation turns by its angular velocity in B."""
-    w, axis, half = q[3], q[4:7], 0.5 * dt * trunk_v[3:]
-    turned = jnp.concatenate([(w - dot(axis, half))[None], axis + w * half + cross(axis, half)])
-    turned = turned * jax.lax.rsqrt(dot(turned, turned))
-    return jnp.concatenate([q[:3] + dt * trunk_v[:3], turned, q[7:] + dt * leg_v.reshape(-1)])
+    carry, kept = jax.lax.scan(body, (start, _no_meters(start.q.dtype), jnp.array(True)), (tracking, metered))
+    return carry[1]._replace(fell=~carry[2]), kept
 
 
 def fallen(
@@ -168,7 +123,7 @@ def _no_meters(dtype) -> Meters:
     return Meters(Power(joints, joints, joints), zero, zero, joints[:, 0], zero, far, zero, jnp.array(False))
 
 
-def _measure(meters: Meters, seen: _Step, after: State, before: State, weight, dt) -> Meters:
+def _measure(meters: Meters, seen: Measured, after: State, before: State, weight, dt) -> Meters:
     """Add one step; the figures that nobody differentiates are cut out of the gradient."""
     held = jax.lax.stop_gradient(seen)
     loaded = held.normal_force > LOADED
