@@ -79,10 +79,16 @@ def window_means(values: Float[Array, "nx nz"], cells: tuple[int, int]) -> Float
     return values
 
 
+def allowed_means(
+    values: Float[Array, "nx nz"], allowed: Bool[Array, "nx nz"], cells: tuple[int, int]
+) -> Float[Array, "mx mz"]:
+    """`window_means` where all cells of a window are allowed, inf elsewhere; what a forbidden cell holds has no effect."""
+    forbidden = window_means((~allowed).astype(values.dtype), cells) * (cells[0] * cells[1])
+    return jnp.where(forbidden < 0.5, window_means(jnp.where(allowed, values, 0.0), cells), jnp.inf)
+
+
 def best_window(values: Float[Array, "nx nz"], allowed: Bool[Array, "nx nz"], cells: tuple[int, int]) -> Window:
     """The window of `cells` cells, all of them allowed, with the least mean of `values`."""
-    forbidden = window_means((~allowed).astype(values.dtype), cells)
-    means = window_means(jnp.where(allowed, values, 0.0), cells)
-    means = jnp.where(forbidden * cells[0] * cells[1] < 0.5, means, jnp.inf)
+    means = allowed_means(values, allowed, cells)
     first = jnp.argmin(means)
     return Window(first // means.shape[1], first % means.shape[1], means.ravel()[first])

@@ -36,7 +36,7 @@ def torque_maps(robot: Robot, before: dict[str, float], after: dict[str, float],
     figure, axes = blank(4.3, columns=3, sharey=True)
     for ax, (name, values) in zip(axes, maps.items()):
         filled = _map(ax, x, h, np.where(reachable, values, np.nan), levels)
-        _least_lines(ax, robot, h)
+        least_lines(ax, robot, h)
         _workspaces(ax, before, after)
         ax.set(xlim=(x[0], x[-1]), ylim=(h[0], h[-1] + 0.01))
         label(ax, "foot ahead of hip, L_F2H [m]", "", name)
@@ -53,7 +53,8 @@ def _map(ax: Axes, x: np.ndarray, h: np.ndarray, values: np.ndarray, levels: np.
     return filled
 
 
-def _least_lines(ax: Axes, robot: Robot, h: np.ndarray) -> None:
+def least_lines(ax: Axes, robot: Robot, h: np.ndarray) -> None:
+    """No thigh torque (solid) and no knee torque (dashed) over the heights `h` [m]."""
     ax.axvline(0.0, color=BLACK, lw=1.6)
     ax.plot(np.asarray(knee_zero_line(robot, jnp.asarray(h, float))), h, color=BLACK, lw=1.6, ls=(0, (5, 2)))
 
