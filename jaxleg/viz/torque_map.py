@@ -161,6 +161,6 @@ def _workspace_keys(names: list[str]) -> list:
         Patch(fill=False, ec=BLACK, ls=DOTTED, lw=1.8, label="paper A's workspace"),
         *keys,
         *_least_keys(),
-        Line2D([], [], color=GREY, lw=1.2, label="a knee bend"),
+        Line2D([], [], color=GREY, lw=1.2, label="constant knee bend"),
         Patch(fc=GREEN, alpha=0.25, label="within 5 % of the least"),
     ]
