@@ -1,0 +1,20 @@
+"""Walking on plain ground (paper A, Fig. 10a and Table I): what do the paper's parameters save, and ours?
+
+python -m experiments.plain_ground [--quick]
+"""
+
+from pathlib import Path
+
+import tyro
+
+from experiments.table_one import finish, result, table
+
+
+def main(out: Path | None = None, quick: bool = False) -> None:
+    """Three gait cycles of every contestant in MJX; `quick` searches our parameters more briefly."""
+    _, lab, vectors, seen = table("flat", quick)
+    finish("plain_ground", out, seen, result("flat", seen["rows"], vectors), lab)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
