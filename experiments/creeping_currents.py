@@ -1,11 +1,12 @@
 """Joint currents of the creeping gait (paper A, Fig. 2 and Section II.C): three cycles on plain ground at 0.012 m/s.
 
 The paper's five numbers come from one leg (RH) of a robot whose gait it does not give; beside them stand the traditional
-gait's, for that leg and over all four, and what moves the hip's current: the width of the stance.
+gait's, for that leg and over all four, and what moves the hip's current: the width of the stance and the trunk's sway.
 
     python -m experiments.creeping_currents [--quick]
 """
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,14 @@ import tyro
 from experiments.common import setup, training, write
 from experiments.slow_walk import Trace, currents, mean_over_time, slow, walks
 from jaxleg.conventions import JOINTS, LEGS
-from jaxleg.search.config import PARAMETERS, baseline
+from jaxleg.robot import Robot
+from jaxleg.search.config import PARAMETERS, Cog, Study, baseline
+from jaxleg.search.lanes import Lab
 from jaxleg.viz.power import draw_currents
 
 PAPER = {"knee": {"mean": 1.611, "max": 5.140}, "hip": {"mean": 0.351, "max": 1.628}, "swinging_leg_below": 1.0}  # [A]
 WIDTHS = (0.36, 0.30, 0.42)  # of the stance [m]; the first is the study's
+SWAY_RATIO = 0.3  # way-points nearer to the crossing of the diagonals: less sway
 LEG = LEGS.index("RH")
 AIR = 1.0  # a foot is in the air below this normal force [N]
 
@@ -28,40 +32,50 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     """Simulate in MJX; `quick` changes nothing, it takes seconds anyway."""
     del quick
     study, lab = slow(*setup(), 3)
-    vectors = np.tile(baseline(study, "flat", "traditional"), (len(WIDTHS), 1))
-    vectors[:, PARAMETERS.index("stance_width")] = WIDTHS
-    trace = walks(lab, vectors, training(study, lab, "flat").take(np.zeros(len(WIDTHS), int)), cycles=3)
-    rows = [row(currents(lab.robot, trace.record)[i], trace, i) for i in range(len(WIDTHS))]
-    print("currents [A]       knee mean    max   hip mean    max   thigh mean   greatest sum of a swinging leg")
+    less = dataclasses.replace(lab, cog=Cog("median", SWAY_RATIO, study.cog.height_threshold))
+    traces = {f"stance {width} m wide": walked(study, lab, width) for width in WIDTHS}
+    traces[f"way-points at {SWAY_RATIO} of the median"] = walked(study, less, WIDTHS[0])
+    rows = {name: row(lab.robot, trace) for name, trace in traces.items()}
+    print(f"{'currents [A]':52s} knee mean   max   hip mean   max   thigh mean   swinging leg's sum, at most")
+    knee, hip = PAPER["knee"], PAPER["hip"]
     print(
-        f"paper, RH              {PAPER['knee']['mean']:.3f}  {PAPER['knee']['max']:.3f}      "
-        f"{PAPER['hip']['mean']:.3f}  {PAPER['hip']['max']:.3f}                    below {PAPER['swinging_leg_below']:.1f}"
+        f"{'paper, RH':52s}   {knee['mean']:.3f}  {knee['max']:.3f}   {hip['mean']:.3f}  {hip['max']:.3f}"
+        + 23 * " "
+        + "below 1.0"
     )
-    for width, seen in zip(WIDTHS, rows):
+    for name, seen in rows.items():
         for who in ("RH", "all legs"):
-            r = seen[who]
-            print(
-                f"ours, {who:8s} {width:.2f} m {r['knee']['mean']:6.3f}  {r['knee']['max']:.3f}      {r['hip']['mean']:.3f}"
-                f"  {r['hip']['max']:.3f}        {r['thigh']['mean']:.3f}        {seen['swinging_leg']:.2f}"
-            )
-    ours = {f"stance width {width} m": seen for width, seen in zip(WIDTHS, rows)}
-    write("creeping_currents", out, {"paper": PAPER, "ours": ours, "falls": int(np.sum(trace.meters.fell))})
-    air = np.asarray(trace.record.normal_force[0]) < AIR
-    time, current = np.asarray(trace.record.time[0]), currents(lab.robot, trace.record)[0]
-    draw_currents(time, current, air, LEG, (out or Path("runs") / "creeping_currents") / "currents.png")
+            about = f"{who}, {name}, sway {seen['sway_m']:.2f} m"
+            numbers = "   ".join(f"{seen[who][j]['mean']:.3f}  {seen[who][j]['max']:.3f}" for j in ("knee", "hip"))
+            print(f"{about:52s}   {numbers}       {seen[who]['thigh']['mean']:.3f}       {seen['swinging_leg']:.2f}")
+    first = next(iter(traces.values()))
+    write(
+        "creeping_currents", out, {"paper": PAPER, "ours": rows, "falls": sum(int(t.meters.fell[0]) for t in traces.values())}
+    )
+    air, current = np.asarray(first.record.normal_force[0]) < AIR, currents(lab.robot, first.record)[0]
+    path = (out or Path("runs") / "creeping_currents") / "currents.png"
+    draw_currents(np.asarray(first.record.time[0]), current, air, LEG, path)
 
 
-def row(current: np.ndarray, trace: Trace, lane: int) -> dict[str, Any]:
-    """Mean and greatest current of each joint, of RH and of all legs, and the greatest sum of a leg well into its swing."""
-    time = np.asarray(trace.record.time[lane])
+def walked(study: Study, lab: Lab, width: float) -> Trace:
+    """Three cycles of the traditional gait with a stance of this width [m] (one lane)."""
+    vector = baseline(study, "flat", "traditional")
+    vector[PARAMETERS.index("stance_width")] = width
+    return walks(lab, vector[None], training(study, lab, "flat").take(np.zeros(1, int)), cycles=3)
+
+
+def row(robot: Robot, trace: Trace) -> dict[str, Any]:
+    """Mean and greatest current of each joint, of RH and of all legs, and the greatest sum of a leg in the air [A]."""
+    time, current = np.asarray(trace.record.time[0]), currents(robot, trace.record)[0]
     mean = mean_over_time(np.moveaxis(current, 0, -1), time)
-    air = np.asarray(trace.record.normal_force[lane]) < AIR
+    air = np.asarray(trace.record.normal_force[0]) < AIR
     legs = {"RH": (mean[LEG], current[:, LEG].max(axis=0)), "all legs": (mean.mean(axis=0), current.max(axis=(0, 1)))}
     seen: dict[str, Any] = {
         who: {joint: {"mean": float(m[j]), "max": float(top[j])} for j, joint in enumerate(JOINTS)}
         for who, (m, top) in legs.items()
     }
-    return seen | {"swinging_leg": float(np.percentile(current.sum(axis=-1)[air], 99.0))}
+    sway = float(np.ptp(trace.record.trunk_pos[0, :, 1]))
+    return seen | {"swinging_leg": float(np.percentile(current.sum(axis=-1)[air], 99.0)), "sway_m": sway}
 
 
 if __name__ == "__main__":
