@@ -29,8 +29,6 @@ from jaxleg.sim.rollout import simulate
 
 STEP = 1e-5  # of a parameter's range
 
-EVERYWHERE = Reachable(*map(jnp.asarray, (-1.0, 1.0, 0.2)))  # no candidate is out of the legs' reach
-
 
 def main(gaits: int = 32, out: Path | None = None, quick: bool = False) -> None:
     """Check `gaits` gaits, half of them on rough ground (8 with `quick`)."""
@@ -109,10 +107,11 @@ def single_precision(lab: Lab, vectors: jax.Array, arguments) -> np.ndarray:
 def soft_choice(lab: Lab, lanes: Lanes) -> float:
     """Largest relative error of the soft foothold choice's gradient in w1 over stair terrains, temperature 0.05."""
     nominal = jnp.array([[0.3, 0.18], [0.25, -0.18], [-0.3, 0.18], [-0.35, -0.18]])
+    everywhere = Reachable(*map(jnp.asarray, (-1.0, 1.0, 0.2)))  # no candidate is out of the legs' reach
 
     def ahead(weight, site):
         rectangle = dataclasses.replace(lab.rectangle, nominal_weight=weight)
-        return soft_offset(nominal, site.valid, site.terrain, rectangle, EVERYWHERE, lab.extent, 0.05)[0]
+        return soft_offset(nominal, site.valid, site.terrain, rectangle, everywhere, lab.extent, 0.05)[0]
 
     slope = jax.vmap(jax.grad(ahead), in_axes=(None, 0))(jnp.asarray(0.6), lanes.site)
     at = [jax.vmap(ahead, in_axes=(None, 0))(jnp.asarray(0.6 + h), lanes.site) for h in (1e-5, -1e-5)]
