@@ -12,8 +12,8 @@ from experiments.table_one import finish, result, table
 
 def main(out: Path | None = None, quick: bool = False) -> None:
     """Three gait cycles of every contestant in MJX; `quick` searches our parameters more briefly."""
-    _, lab, vectors, seen = table("flat", quick)
-    finish("plain_ground", out, seen, result("flat", seen["rows"], vectors), lab)
+    seen = table("flat", quick)
+    finish("plain_ground", out, seen, result(seen))
 
 
 if __name__ == "__main__":

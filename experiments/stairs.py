@@ -20,7 +20,7 @@ from experiments.table_one import NAMES, finish, result, saving_ratio, table
 from jaxleg.plan import FootholdStatus
 from jaxleg.search.config import Study
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import Lab, Setting
+from jaxleg.search.lanes import Setting
 from jaxleg.search.sites import make_sites
 
 RUNS = 64
@@ -28,24 +28,23 @@ RUNS = 64
 
 def main(out: Path | None = None, quick: bool = False) -> None:
     """Table I, then the runs at random offsets; `quick` takes fewer lanes and searches our parameters more briefly."""
-    study, lab, vectors, seen = table("stairs", quick)
-    content = result("stairs", seen["rows"], vectors)
-    *_, flat = table("flat", quick, NAMES[:-1])
-    content["stairs_over_flat_saving"] = saving_ratio(flat["rows"], seen["rows"])
+    seen = table("stairs", quick)
+    content = result(seen)
+    content["stairs_over_flat_saving"] = saving_ratio(table("flat", quick, NAMES[:-1]), seen)
     for before, ratio in content["stairs_over_flat_saving"].items():
         about = f"{ratio['run']:.2f} with the stand, {ratio['walking']:.2f} walking (paper 0.68)"
         print(f"saving on stairs over saving on flat ground, against {before}: {about}")
     count = 8 if quick else RUNS
-    content["runs"] = {name: offsets(study, lab, vectors[name], count) for name in ("traditional", "paper", "ours")}
+    content["runs"] = {name: offsets(seen.study, seen.vectors[name], count) for name in ("traditional", "paper", "ours")}
     for name, r in content["runs"].items():
         print(f"{name}: {r['runs']} stairs at random offsets, {r['falls']} falls;", end=" ")
         print(
             f"{r['footholds']} footholds, {r['flagged']} flagged, {r['off_tread']} others within the foot's radius of a riser"
         )
-    finish("stairs", out, seen, content, lab)
+    finish("stairs", out, seen, content)
 
 
-def offsets(study: Study, lab: Lab, vector: np.ndarray, count: int) -> dict[str, Any]:
+def offsets(study: Study, vector: np.ndarray, count: int) -> dict[str, Any]:
     """Walk a gait on so many stairs; where its footholds lie is judged by the generator's own risers, not by any map."""
     study, lab = slow(*setup(), 3 * count)
     site = make_sites(study, float(lab.robot.foot_radius), "stairs", held_out=False)

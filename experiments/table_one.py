@@ -5,7 +5,7 @@ not define its "before": both readings stand here, and what else it might have b
 """
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from experiments.slow_walk import SPEED, STAND, STAND_SHARE, Trace, mean_over_ti
 from jaxleg.energy import CONVENTIONS, cost_of_transport
 from jaxleg.search.config import PARAMETERS, Study, baseline
 from jaxleg.search.lanes import Lab
+from jaxleg.sim.rollout import Record
 from jaxleg.viz.power import draw_power
 
 PAPER = {
@@ -22,33 +23,41 @@ PAPER = {
 }
 BEFORE = ("traditional", "implied")
 NAMES = (*BEFORE, "paper", "ours")
+SETTLED = 0.5  # the robot has sunk into its stand [s]
 
 
-def table(kind: str, quick: bool, names: tuple[str, ...] = NAMES) -> tuple[Study, Lab, dict[str, np.ndarray], dict[str, Any]]:
-    """Walk contestants on a kind of terrain; returns study, lab, their parameters and the rows, and prints them."""
+class Table(NamedTuple):
+    """What the contestants did on one kind of terrain."""
+
+    kind: str
+    study: Study
+    lab: Lab
+    vectors: dict[str, np.ndarray]  # parameters by contestant
+    rows: dict[str, dict[str, Any]]  # results by contestant
+    trace: Trace  # all lanes, contestant by contestant
+    lanes: int  # of each contestant
+    stand: float  # before the walk [s]
+
+
+def table(kind: str, quick: bool, names: tuple[str, ...] = NAMES) -> Table:
+    """Walk contestants on a kind of terrain and print what they needed."""
     study, lab = slow(*setup(), 9 if quick else 24)
     lanes = training(study, lab, kind)
     count = 1 if kind == "flat" else (2 if quick else lanes.number)
     vectors = {name: search_gait(study, lab, kind, quick) if name == "ours" else baseline(study, kind, name) for name in names}
     many = lanes.take(np.tile(np.arange(count), len(names)))
-    stand = STAND if kind == "stairs" else 0.0
-    trace = walks(lab, np.repeat(list(vectors.values()), count, axis=0), many, cycles=3 if kind == "flat" else 2, stand=stand)
+    stand, cycles = (STAND, 2) if kind == "stairs" else (0.0, 3)
+    trace = walks(lab, np.repeat(list(vectors.values()), count, axis=0), many, cycles, stand)
     rows = {name: row(lab, trace, slice(i * count, (i + 1) * count), stand) for i, name in enumerate(names)}
     show(kind, rows)
-    return study, lab, vectors, {"kind": kind, "rows": rows, "trace": (trace, count, stand)}
+    return Table(kind, study, lab, vectors, rows, trace, count, stand)
 
 
 def row(lab: Lab, trace: Trace, lanes: slice, stand: float) -> dict[str, Any]:
     """Mean power [W] by convention walking, standing and over the paper's run; speed, COT, falls, margin of one contestant."""
-    walk, still, run = {}, {}, {}
-    time = np.asarray(trace.record.time[lanes])
-    share = STAND_SHARE if stand else 0.0
-    for convention in CONVENTIONS:
-        power = power_over_time(lab.robot, _some(trace, lanes), convention)
-        walk[convention] = float(np.mean([mean_over_time(p, t, stand) for p, t in zip(power, time)]))
-        end, begin = (stand, 0.5) if stand else (1.0, 0.5)
-        still[convention] = float(np.mean([mean_over_time(p, t, begin, end) for p, t in zip(power, time)])) if stand else None
-        run[convention] = share * (still[convention] or 0.0) + (1.0 - share) * walk[convention]
+    kept = picked(trace, lanes)
+    parts = {convention: spans(power_over_time(lab.robot, kept, convention), kept, stand) for convention in CONVENTIONS}
+    walk, still, run = ({convention: part[i] for convention, part in parts.items()} for i in range(3))
     meters = trace.meters
     speed = float(np.mean(meters.distance[lanes] / (meters.time[lanes] - stand)))
     cot = float(cost_of_transport(run["net"] / speed, lab.robot.mass))
@@ -56,8 +65,19 @@ def row(lab: Lab, trace: Trace, lanes: slice, stand: float) -> dict[str, Any]:
     return {"power_w": run, "walking_w": walk, "stand_power_w": still, "speed": speed, "cot": cot} | safety
 
 
-def _some(trace: Trace, lanes: slice):
-    return type(trace.record)(*(x[lanes] for x in trace.record))
+def spans(power: np.ndarray, kept: Record, stand: float) -> tuple[float, float | None, float]:
+    """Mean over lanes of power [W] (lane, t) while walking, while standing (once settled), and over the paper's run."""
+    time = np.asarray(kept.time)
+    walk = float(np.mean([mean_over_time(p, t, stand) for p, t in zip(power, time)]))
+    if not stand:
+        return walk, None, walk
+    still = float(np.mean([mean_over_time(p, t, SETTLED, stand) for p, t in zip(power, time)]))
+    return walk, still, STAND_SHARE * still + (1.0 - STAND_SHARE) * walk
+
+
+def picked(trace: Trace, lanes: slice) -> Record:
+    """The records of some lanes."""
+    return Record(*(x[lanes] for x in trace.record))
 
 
 def show(kind: str, rows: dict[str, Any]) -> None:
@@ -76,8 +96,9 @@ def show(kind: str, rows: dict[str, Any]) -> None:
         print(f"{name:13s}{numbers}{others}{r['falls']:7d}")
 
 
-def result(kind: str, rows: dict[str, Any], vectors: dict[str, np.ndarray]) -> dict[str, Any]:
+def result(seen: Table) -> dict[str, Any]:
     """The paper's numbers and ours, per baseline: power before and after, with our parameters, savings under "net"."""
+    rows = seen.rows
     ours = {}
     for before in BEFORE:
         power = {name: rows[name]["power_w"]["net"] for name in (before, "paper", "ours")}
@@ -90,28 +111,27 @@ def result(kind: str, rows: dict[str, Any], vectors: dict[str, np.ndarray]) -> d
             "saving": {name: 1.0 - power[name] / power[before] for name in ("paper", "ours")},
             "cot": {name: rows[name]["cot"] for name in power},
         }
-    params = {name: dict(zip(PARAMETERS, map(float, vector))) for name, vector in vectors.items()}
-    return {"paper": PAPER[kind], "ours": ours, "contestants": rows, "params": params, "speed": SPEED}
+    params = {name: dict(zip(PARAMETERS, map(float, vector))) for name, vector in seen.vectors.items()}
+    return {"paper": PAPER[seen.kind], "ours": ours, "contestants": rows, "params": params, "speed": SPEED}
 
 
-def finish(name: str, out: Path | None, seen: dict[str, Any], content: dict[str, Any], lab: Lab) -> None:
-    """Print the savings, write result.json and the figure of power against time."""
+def finish(name: str, out: Path | None, seen: Table, content: dict[str, Any]) -> None:
+    """Print the savings, write result.json and the figure of power against time on the first terrain."""
     for before, r in content["ours"].items():
         print(f"against {before}: the paper's parameters save {100 * r['saving']['paper']:.1f} %", end=" ")
         print(f"(paper says {100 * content['paper']['saving']:.1f} %), ours {100 * r['saving']['ours']:.1f} %")
     write(name, out, content)
-    trace, count, stand = seen["trace"]
-    kept = type(trace.record)(*(x[::count] for x in trace.record))
-    power = power_over_time(lab.robot, kept, "net")
-    draw_power(np.asarray(kept.time), dict(zip(NAMES, power)), stand, (out or Path("runs") / name) / "power.png")
+    kept = picked(seen.trace, slice(None, None, seen.lanes))
+    power = dict(zip(seen.rows, power_over_time(seen.lab.robot, kept, "net")))
+    draw_power(np.asarray(kept.time), power, seen.stand, (out or Path("runs") / name) / "power.png")
 
 
-def saving_ratio(flat: dict[str, Any], stairs: dict[str, Any]) -> dict[str, dict[str, float]]:
+def saving_ratio(flat: Table, stairs: Table) -> dict[str, dict[str, float]]:
     """Saving on stairs over that on flat ground, the paper's parameters against each baseline: the run with its stand, and
     walking alone."""
 
-    def saved(rows, before, power):
-        return 1.0 - rows["paper"][power]["net"] / rows[before][power]["net"]
+    def saved(seen, before, power):
+        return 1.0 - seen.rows["paper"][power]["net"] / seen.rows[before][power]["net"]
 
-    spans = {"run": "power_w", "walking": "walking_w"}
-    return {b: {s: saved(stairs, b, p) / saved(flat, b, p) for s, p in spans.items()} for b in BEFORE}
+    powers = {"run": "power_w", "walking": "walking_w"}
+    return {b: {s: saved(stairs, b, p) / saved(flat, b, p) for s, p in powers.items()} for b in BEFORE}
