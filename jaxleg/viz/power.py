@@ -22,7 +22,7 @@ def draw_power(time: np.ndarray, power: Mapping[str, np.ndarray], stand: float, 
     """
     figure, (ax,) = blank(4.0)
     for t, (name, values) in zip(time, power.items()):
-        style = dict(color=COLOURS[name], ls=LINES.get(name, "-"))
+        style = dict(color=COLOURS[name], ls=LINES.get(name, "-"), zorder=3 if name in LINES else 2)
         walking = values[t > stand] @ np.diff(t, prepend=0.0)[t > stand] / (t[-1] - stand)
         ax.plot(*_thinned(t, values), color=COLOURS[name], lw=0.5, alpha=0.35)
         ax.plot(*_thinned(t, smoothed(t, values)), **style, lw=1.8, label=f"{name}, walking {walking:.1f} W")
