@@ -83,7 +83,7 @@ def first_touch(arc: Arc, profile: Profile) -> Touch:
 
     zero = jnp.zeros((), jnp.int32)
     share, hit, steps = jax.lax.while_loop(going, advance, (arc.begin, jnp.array(False), zero))
-    hit = hit | (gap_and_rate(share)[0] <= near)
+    hit = hit | ((share >= arc.end) & (gap_and_rate(share)[0] <= 20.0 * near))  # a level swing ends where it began
     point = point_at(arc, share)
     return Touch(share, point, hit, ~hit & (share < arc.end), slope(profile, point[0]), steps)
 
