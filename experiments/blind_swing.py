@@ -1,0 +1,154 @@
+"""Blind swings over random terrain (paper B, Table II): the machine as printed and extended, in two readings of the terrain.
+
+The paper has ten terrains a row; here are 10,000, in batches, with 95 % intervals. The calibrated reading (SWING.md) draws the
+spline's knots from [3 - 0.4 h-, 3 + 0.4 h+] under a map 7.5 high, the literal one from [3 - h-, 3 + h+] under 8. A support is
+reachable if the end interval holds a window at least 0.02 wide, with slopes below 45 deg, between z- and z+, which the foot can
+get to under z+.
+
+    python -m experiments.blind_swing [--quick]
+"""
+
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+
+from experiments.common import write
+from experiments.plain_swing import plain_swing
+from jaxleg.cli import configure_jax
+from jaxleg.search.batches import over_lanes
+from jaxleg.swing.blind import Swing, blind_swing
+from jaxleg.swing.machine import Machine, Mode, Step, extended, printed
+from jaxleg.swing.profile import Profile, height, natural_spline, slope
+
+ROWS = ((2, 0), (4, 0), (4, 2))  # h+, h-
+READINGS = {"calibrated": (0.4, 7.5), "literal": (1.0, 8.0)}  # amplitude, z+
+PAPER = {  # step, collisions, path, success with and without adjustment [%]
+    (2, 0): (7.53, 0.0, 8.20, 100, 100),
+    (4, 0): (7.11, 1.7, 10.03, 90, 10),
+    (4, 2): (6.48, 2.6, 14.76, 80, 0),
+}
+STEP = Step(np.array([0.0, 3.0]), np.array([8.0, 3.0]))
+CHUNK, GRID = 64, 0.02  # swings a device at once; grid on which a reachable support is looked for
+
+
+class Machines(NamedTuple):
+    """A kind of machine and its name."""
+
+    name: str
+    make: Any
+
+
+MACHINES = (
+    Machines("printed", printed),
+    Machines("extended", extended),
+    Machines("extended, stations from the left", lambda **changes: extended(coarse_to_fine=False, **changes)),
+)
+
+
+def main(out: Path | None = None, quick: bool = False) -> None:
+    """Swing on all rows, readings and machines; `quick` takes 500 terrains each."""
+    jax.config.update("jax_enable_x64", True)
+    configure_jax()
+    count, rows = 500 if quick else 10_000, []
+    print(
+        f"{'terrain':24s}{'machine':34s} step    path   adjustments  collisions  success %          first %  reachable, found %"
+    )
+    for reading, (amplitude, top) in READINGS.items():
+        for above, below in ROWS:
+            heights = terrains(count, above, below, amplitude)
+            possible = reachable(heights, top)
+            for machine in MACHINES:
+                rows.append(row(machine.make(high=top), heights, possible))
+                rows[-1] |= {"reading": reading, "machine": machine.name, "h_plus": above, "h_minus": below}
+                rows[-1] |= {"paper": dict(zip(("step_length", "collisions", "path_length"), PAPER[above, below]))}
+                show(rows[-1])
+    ratio = against_python(terrains(30, 4, 2, 0.4), rows)
+    print(f"a blind swing is {ratio:.0f} times as fast as plain Python's (printed, calibrated, h+ 4, h- 2)")
+    write("blind_swing", out, {"rows": rows, "times_python": ratio, "n": count})
+
+
+def terrains(count: int, above: float, below: float, amplitude: float) -> np.ndarray:
+    """Knot heights (count, 15); the start lies at height 3."""
+    heights = np.random.default_rng(0).uniform(3 - amplitude * below, 3 + amplitude * above, (count, 15))
+    heights[:, 0] = 3.0
+    return heights
+
+
+def swings(machine: Machine) -> Any:
+    """Batched swings: knot heights -> `Swing`s."""
+    return over_lanes(lambda heights: blind_swing(machine, Step(*map(jnp.asarray, STEP)), natural_spline(heights)), CHUNK)
+
+
+def row(machine: Machine, heights: np.ndarray, possible: np.ndarray) -> dict[str, Any]:
+    """Means and 95 % intervals over the terrains, and the time of all swings once compiled."""
+    call = swings(machine)
+    call(heights[: 2 * CHUNK])
+    began = time.perf_counter()
+    seen: Swing = call(heights)
+    seconds = time.perf_counter() - began
+    found = seen.exit == Mode.SUPPORTED
+    values = {
+        "step_length": np.where(found, seen.point[:, 0], 0.0),
+        "path_length": seen.length,
+        "adjustments": seen.adjustments.astype(float),
+        "collisions": seen.collisions.astype(float),
+        "success": found.astype(float),
+        "success_without_adjustment": (found & (seen.adjustments == 0)).astype(float),
+    }
+    means = {name: interval(x) for name, x in values.items()}
+    share = float(found[possible].mean()) if possible.any() else None
+    rest = {"reachable": float(possible.mean()), "reachable_found": share, "stalled": int((seen.exit == Mode.STALLED).sum())}
+    return means | rest | {"lost": int(seen.lost.sum()), "struck": int(seen.struck.sum()), "seconds": seconds, "n": len(found)}
+
+
+def interval(values: np.ndarray) -> dict[str, Any]:
+    """Mean with its 95 % interval (normal)."""
+    half = 1.96 * values.std(ddof=1) / np.sqrt(len(values))
+    return {"mean": float(values.mean()), "ci95": [float(values.mean() - half), float(values.mean() + half)]}
+
+
+def reachable(heights: np.ndarray, top: float) -> np.ndarray:
+    """Whether each terrain has a support that the foot can get to, on a fine grid; the map's lower bound is 0."""
+    x = jnp.arange(0.0, 9.0 + 0.5 * GRID, GRID / 4)
+
+    @jax.jit
+    @jax.vmap
+    def look(knots):
+        spline: Profile = natural_spline(knots)
+        ground, steep = height(spline, x), jnp.abs(slope(spline, x)) > 1.0
+        open_way = jnp.cumsum(ground >= top) == 0
+        good = (x >= 7.0) & ~steep & (ground >= 0.0) & (ground <= top) & open_way
+        return jnp.any(jnp.convolve(good.astype(float), jnp.ones(5), mode="valid") > 4.5)  # five points span GRID
+
+    return np.asarray(look(jnp.asarray(heights)))
+
+
+def show(r: dict[str, Any]) -> None:
+    """One line of the table."""
+    first, success = 100 * r["success_without_adjustment"]["mean"], r["success"]
+    numbers = f"{r['step_length']['mean']:5.2f}  {r['path_length']['mean']:6.2f}  {r['adjustments']['mean']:9.2f}  "
+    share = f"{100 * success['mean']:6.2f} [{100 * success['ci95'][0]:.1f}, {100 * success['ci95'][1]:.1f}]"
+    found = "-" if r["reachable_found"] is None else f"{100 * r['reachable_found']:.2f}"
+    name = f"{r['reading']} h+ {r['h_plus']} h- {r['h_minus']}"
+    print(
+        f"{name:24s}{r['machine']:34s}{numbers}{r['collisions']['mean']:9.2f}    {share:20s}{first:6.1f}    {found}  {r['seconds']:.1f} s"
+    )
+
+
+def against_python(heights: np.ndarray, rows: list[dict[str, Any]]) -> float:
+    """Plain Python's time a swing over the batched one's."""
+    began = time.perf_counter()
+    for knots in heights:
+        plain_swing(knots)
+    plain = (time.perf_counter() - began) / len(heights)
+    ours = next(r for r in rows if (r["reading"], r["machine"], r["h_minus"]) == ("calibrated", "printed", 2))
+    return plain / (ours["seconds"] / ours["n"])
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
