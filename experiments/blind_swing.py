@@ -135,9 +135,8 @@ def show(r: dict[str, Any]) -> None:
     share = f"{100 * success['mean']:6.2f} [{100 * success['ci95'][0]:.1f}, {100 * success['ci95'][1]:.1f}]"
     found = "-" if r["reachable_found"] is None else f"{100 * r['reachable_found']:.2f}"
     name = f"{r['reading']} h+ {r['h_plus']} h- {r['h_minus']}"
-    print(
-        f"{name:24s}{r['machine']:34s}{numbers}{r['collisions']['mean']:9.2f}    {share:20s}{first:6.1f}    {found}  {r['seconds']:.1f} s"
-    )
+    rest = f"{r['collisions']['mean']:9.2f}    {share:20s}{first:6.1f}    {found}  {r['seconds']:.1f} s"
+    print(f"{name:24s}{r['machine']:34s}{numbers}{rest}")
 
 
 def against_python(heights: np.ndarray, rows: list[dict[str, Any]]) -> float:
