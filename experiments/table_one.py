@@ -12,7 +12,10 @@ import numpy as np
 from experiments.common import setup, training, write
 from experiments.slow_walk import SPEED, STAND, STAND_SHARE, Trace, mean_over_time, power_over_time, search_gait, slow, walks
 from jaxleg.energy import CONVENTIONS, cost_of_transport
+from jaxleg.plan import PlanChecks, PlanStatus
 from jaxleg.search.config import PARAMETERS, Study, baseline
+from jaxleg.search.contest import BEND_SLACK
+from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab
 from jaxleg.sim.rollout import Record
 from jaxleg.viz.power import draw_power
@@ -45,10 +48,11 @@ def table(kind: str, quick: bool, names: tuple[str, ...] = NAMES) -> Table:
     lanes = training(study, lab, kind)
     count = 1 if kind == "flat" else (2 if quick else lanes.number)
     vectors = {name: search_gait(study, lab, kind, quick) if name == "ours" else baseline(study, kind, name) for name in names}
-    many = lanes.take(np.tile(np.arange(count), len(names)))
+    many, each = lanes.take(np.tile(np.arange(count), len(names))), np.repeat(list(vectors.values()), count, axis=0)
     stand, cycles = (STAND, 2) if kind == "stairs" else (0.0, 3)
-    trace = walks(lab, np.repeat(list(vectors.values()), count, axis=0), many, cycles, stand)
-    rows = {name: row(lab, trace, slice(i * count, (i + 1) * count), stand) for i, name in enumerate(names)}
+    trace, plans = walks(lab, each, many, cycles, stand), checked(lab, each, many)
+    part = {name: slice(i * count, (i + 1) * count) for i, name in enumerate(names)}
+    rows = {name: row(lab, trace, where, stand) | planned(plans, many, where) for name, where in part.items()}
     show(kind, rows)
     return Table(kind, study, lab, vectors, rows, trace, count, stand)
 
@@ -63,6 +67,19 @@ def row(lab: Lab, trace: Trace, lanes: slice, stand: float) -> dict[str, Any]:
     cot = float(cost_of_transport(run["net"] / speed, lab.robot.mass))
     safety = {"falls": int(np.sum(meters.fell[lanes])), "min_stability_margin": float(np.min(meters.margin[lanes]))}
     return {"power_w": run, "walking_w": walk, "stand_power_w": still, "speed": speed, "cot": cot} | safety
+
+
+def checked(lab: Lab, vectors: np.ndarray, lanes: Lanes) -> PlanChecks:
+    """What constrains the plans of lanes."""
+    return lab.proxy_gradients(vectors.astype(np.float32), lanes.site, lanes.setting)[0].checks
+
+
+def planned(plans: PlanChecks, lanes: Lanes, where: slice) -> dict[str, Any]:
+    """Least knee bend [deg] and greatest lowering of the trunk [m] in the plans of some lanes; how many cannot be walked."""
+    bend, short = plans.knee_bend[where], plans.knee_bend < np.asarray(lanes.setting.least_bend) - BEND_SLACK
+    bad = (short | (plans.status != PlanStatus.OK))[where]
+    lowered = float(np.max(plans.lowering[where]))
+    return {"knee_bend_deg": float(np.rad2deg(np.min(bend))), "lowering_m": lowered, "infeasible": int(np.sum(bad))}
 
 
 def spans(power: np.ndarray, kept: Record, stand: float) -> tuple[float, float | None, float]:
@@ -84,16 +101,14 @@ def show(kind: str, rows: dict[str, Any]) -> None:
     """Print the rows, the paper's power beside."""
     paper = PAPER[kind]
     print(f"{kind}, {SPEED} m/s, net power [W] (paper: {paper['power_before_w']} before, {paper['power_after_w']} after)")
-    print(
-        f"{'':13s}{'run':>7s}{'walking':>9s}{'standing':>10s}{'positive':>10s}{'absolute':>10s}{'COT':>7s}{'margin':>8s}  falls"
-    )
+    names = ("run", "walking", "standing", "positive", "absolute", "COT", "margin", "knee", "lowered", "falls", "unfit")
+    print(" " * 12 + "".join(f"{name:>10s}" for name in names))
     for name, r in rows.items():
-        still = "" if r["stand_power_w"]["net"] is None else f"{r['stand_power_w']['net']:.1f}"
-        numbers = f"{r['power_w']['net']:7.1f}{r['walking_w']['net']:9.1f}{still:>10s}"
-        others = (
-            f"{r['power_w']['positive']:10.1f}{r['power_w']['absolute']:10.1f}{r['cot']:7.2f}{r['min_stability_margin']:8.3f}"
-        )
-        print(f"{name:13s}{numbers}{others}{r['falls']:7d}")
+        power, still = r["power_w"], r["stand_power_w"]["net"]
+        watts = (power["net"], r["walking_w"]["net"], np.nan if still is None else still, power["positive"], power["absolute"])
+        cells = [f"{x:10.1f}" for x in watts] + [f"{r['cot']:10.2f}{r['min_stability_margin']:10.3f}"]
+        cells += [f"{r['knee_bend_deg']:10.1f}{r['lowering_m']:10.3f}{r['falls']:10d}{r['infeasible']:10d}"]
+        print(f"{name:12s}" + "".join(cells).replace("nan", "  -"))
 
 
 def result(seen: Table) -> dict[str, Any]:
@@ -123,7 +138,8 @@ def finish(name: str, out: Path | None, seen: Table, content: dict[str, Any]) ->
     write(name, out, content)
     kept = picked(seen.trace, slice(None, None, seen.lanes))
     power = dict(zip(seen.rows, power_over_time(seen.lab.robot, kept, "net")))
-    draw_power(np.asarray(kept.time), power, seen.stand, (out or Path("runs") / name) / "power.png")
+    title = f"{SPEED} m/s on {'plain ground' if seen.kind == 'flat' else f'one of the {seen.lanes} stairs'}"
+    draw_power(np.asarray(kept.time), power, seen.stand, title, (out or Path("runs") / name) / "power.png")
 
 
 def saving_ratio(flat: Table, stairs: Table) -> dict[str, dict[str, float]]:

@@ -11,11 +11,11 @@ from jaxleg.viz.style import BLACK, BLUE, CONTESTANT_COLOUR, GREEN, LEG_COLOUR, 
 SMOOTH = 0.5  # window of the thick lines [s]
 POINTS = 4000  # drawn at most along a line
 COLOURS = CONTESTANT_COLOUR | {"ours": GREEN, "implied": BLACK}
-LINES = {"implied": (0, (3, 2))}  # on stairs the paper's own line lies on it
+LINES = {"implied": (0, (3, 2))}  # drawn over the paper's own, which it hardly leaves on stairs
 JOINT_COLOUR = dict(zip(JOINTS, (ORANGE, BLUE, RED)))
 
 
-def draw_power(time: np.ndarray, power: Mapping[str, np.ndarray], stand: float, path: str | Path) -> None:
+def draw_power(time: np.ndarray, power: Mapping[str, np.ndarray], stand: float, title: str, path: str | Path) -> None:
     """Power [W] of each contestant against time [s] (contestant, t): thin as it is, thick as its mean over half a second.
 
     The first `stand` seconds are shaded: all feet on the ground, waiting for the map.
@@ -30,7 +30,7 @@ def draw_power(time: np.ndarray, power: Mapping[str, np.ndarray], stand: float, 
         ax.axvspan(0.0, stand, color=PALE, alpha=0.6, lw=0, label="standing, waiting for the map")
     top = max(np.percentile(values, 99.5) for values in power.values())
     ax.set(xlim=(0.0, float(time.max())), ylim=(0.0, 1.35 * top))
-    label(ax, "time [s]", "power of the motors [W]")
+    label(ax, "time [s]", "power of the motors [W]", title)
     ax.legend(fontsize=8, ncols=3, frameon=False, loc="upper center")
     save(figure, path)
 

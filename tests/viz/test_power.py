@@ -41,12 +41,13 @@ def test_power_names_each_contestant_with_its_mean_while_walking(drawn):
     figures, path = drawn
     stand = 5.0
     values = {name: np.where(times > stand, mean, 1.0) for name, mean in (("traditional", 30.0), ("ours", 20.0))}
-    draw_power(np.stack([times, times]), values, stand, path)
+    draw_power(np.stack([times, times]), values, stand, "on stairs", path)
     assert path.read_bytes().startswith(PNG)
     text = " ".join(figures[0].axes[0].get_legend_handles_labels()[1])
     for words in ("traditional, walking 30.0 W", "ours, walking 20.0 W", "standing"):
         assert words in text
     assert named(figures[0])
+    assert figures[0].axes[0].get_title() == "on stairs"
 
 
 def test_currents_show_one_leg_and_all_sums(drawn):
