@@ -26,6 +26,7 @@ from jaxleg.viz.power import draw_up_down
 LOW, HIGH, SECONDS = 0.13, 0.585, 4.0  # hip height folded and (knee bend 25 deg) nearly straight [m], each way [s]
 SAMPLES, STEPS = (100, 100), 12  # 3.3 ms a step
 LEG = LEGS.index("RH")
+ENDS = ("folded", "greatest", "straight")
 
 
 def main(out: Path | None = None, quick: bool = False) -> None:
@@ -42,16 +43,20 @@ def main(out: Path | None = None, quick: bool = False) -> None:
         return record(engine, lab.robot, lab.ground, ground, track, STEPS)
 
     meters, kept = run()
-    height, current = np.asarray(kept.trunk_pos[:, 2]), currents(lab.robot, kept)[:, LEG]
+    height = np.asarray(kept.trunk_pos[:, 2] + jnp.mean(lab.robot.hip_position[:, 2]) - walk.footholds[0, LEG, 2])
+    current = currents(lab.robot, kept)[:, LEG]
     rows = profile(height, current)
     middle = max(rows, key=lambda row: row["knee"])
     claim = rows[0]["knee"] < middle["knee"] > rows[-1]["knee"]
     for row in rows[:: max(1, len(rows) // 9)]:
         print(f"hip at {row['height']:.2f} m: " + ", ".join(f"{joint} {row[joint]:.2f} A" for joint in JOINTS))
-    low, high = (f"{rows[i]['knee']:.2f} A at {rows[i]['height']:.2f} m" for i in (0, -1))
-    print(f"knee: {low}, {middle['knee']:.2f} A at {middle['height']:.2f} m, {high}; falls {int(meters.fell)}")
-    print(f"least nearly folded and nearly straight, greatest between: {'yes' if claim else 'no'}")
-    write("up_down", out, {"paper": "least nearly folded and nearly straight", "ours": rows, "claim_holds": bool(claim)})
+    knee = {name: {"height": r["height"], "current": r["knee"]} for name, r in zip(ENDS, (rows[0], middle, rows[-1]))}
+    print("knee: " + "; ".join(f"{name} {k['current']:.2f} A at {k['height']:.2f} m" for name, k in knee.items()))
+    below = ", ".join(f"{100 * (1 - knee[name]['current'] / middle['knee']):.0f} % {name}" for name in ENDS[::2])
+    verdict = f"{'yes' if claim else 'no'} (below the greatest: {below})"
+    print(f"least nearly folded and nearly straight, greatest between: {verdict}; falls {int(meters.fell)}")
+    paper = "least nearly folded and nearly straight"
+    write("up_down", out, {"paper": paper, "ours": rows, "knee": knee, "claim_holds": bool(claim), "falls": int(meters.fell)})
     draw_up_down(np.asarray(kept.time), height, current, (out or Path("runs") / "up_down") / "up_down.png")
 
 

@@ -67,7 +67,7 @@ def draw_up_down(time: np.ndarray, height: np.ndarray, current: np.ndarray, path
     right = axes[0].twinx()
     right.plot(*_thinned(time, height), color="black", lw=0.8, ls=(0, (4, 2)))
     right.set(ylim=(0.0, 1.6 * height.max()), yticks=[])
-    axes[0].plot([], [], color="black", lw=0.8, ls=(0, (4, 2)), label="height")
+    axes[0].plot([], [], color="black", lw=0.8, ls=(0, (4, 2)), label="height, see right")
     axes[0].set_ylim(0.0, 1.25 * current.max())
     axes[0].legend(fontsize=8, frameon=False, ncols=4, loc="upper center")
     label(axes[0], "time [s]", "current [A]", "up and down, three times")
