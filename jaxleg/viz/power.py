@@ -69,7 +69,7 @@ def draw_up_down(time: np.ndarray, height: np.ndarray, current: np.ndarray, path
     right.set(ylim=(0.0, 1.6 * height.max()), yticks=[])
     axes[0].plot([], [], color="black", lw=0.8, ls=(0, (4, 2)), label="height, see right")
     axes[0].set_ylim(0.0, 1.25 * current.max())
-    axes[0].legend(fontsize=8, frameon=False, ncols=4, loc="upper center")
+    axes[0].legend(fontsize=8, frameon=False, ncols=4, loc="upper center", handlelength=1.2, columnspacing=1.2)
     label(axes[0], "time [s]", "current [A]", "up and down, three times")
     label(axes[1], "hip above foot [m]", "", "the same against height")
     right.spines[["top", "right"]].set_visible(False)
