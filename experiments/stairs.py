@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 import tyro
 
-from experiments.slow_walk import walks
-from experiments.table_one import NAMES, Table, checked, finish, planned, result, saving_ratio, table
+from experiments.slow_walk import power_over_time, walks
+from experiments.table_one import NAMES, Table, checked, finish, planned, result, saving_ratio, spans, table
 from jaxleg.plan import FootholdStatus
 from jaxleg.search.config import Study
 from jaxleg.search.descent import Lanes
@@ -39,7 +39,8 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     climbers = ("traditional", "paper", "ours")
     content["runs"] = {name: climb(seen, seen.vectors[name], lanes, risers) for name in climbers}
     for name, r in content["runs"].items():
-        print(f"{name}: {r['runs']} unseen stairs, {r['falls']} falls, margin {r['min_stability_margin']:.3f} m;", end=" ")
+        print(f"{name}: {r['runs']} unseen stairs, {r['falls']} falls, {r['infeasible']} infeasible,", end=" ")
+        print(f"walking {r['walking_w']:.1f} W, margin {r['min_stability_margin']:.3f} m;", end=" ")
         print(
             f"{r['footholds']} footholds, {r['flagged']} flagged, {r['off_tread']} others within the foot's radius of a riser "
             f"(the nearest is {r['nearest_riser_m']:.3f} m away)"
@@ -69,6 +70,7 @@ def climb(seen: Table, vector: np.ndarray, lanes: Lanes, risers: np.ndarray) -> 
     distance = run * np.abs(beyond - np.round(beyond))
     return {
         "runs": lanes.number,
+        "walking_w": spans(power_over_time(seen.lab.robot, trace.record, "net"), trace.record, 0.0)[0],
         "falls": int(np.sum(trace.meters.fell)),
         "min_stability_margin": float(np.min(trace.meters.margin)),
         "footholds": int(free.size),
