@@ -1,12 +1,16 @@
-"""The foothold planner at work (paper A, IV.B, Fig. 7): the cascade on the paper's 3 x 5 cells, and twelve footholds on a map.
+"""The foothold planner at work (paper A, IV.B): Fig. 7 drawn from real calls, and twelve footholds on a map.
 
-    python -m experiments.footholds [--quick] [--terrain FILE.npz]
+Fig. 7's little example has 3 x 5 cells, 3 x 7 lengthened; which cells are valid is drawn at random from two seeds, one whose
+cascade ends in the rectangles and one whose ends in the lengthened ones. The map is a stair with unseen patches or any file
+(`jaxleg.terrain.files`); the walk of three cycles is laid through the map's middle, along +x or `--heading` degrees from it.
 
-Without a file the map is a stair with unseen cells; the walk is planned from the map's middle along +x.
+    python -m experiments.footholds [--quick] [--terrain FILE.npz] [--heading DEG]
 """
 
+import dataclasses
 import sys
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -15,101 +19,160 @@ import tyro
 
 from experiments.common import setup, write
 from jaxleg.conventions import LEGS, InputError
-from jaxleg.plan import FootholdStatus
+from jaxleg.plan import FootholdStatus, GaitParams
 from jaxleg.planning.footholds import Reachable
-from jaxleg.planning.planner import Choice, Site, plan_footholds, reachable_heights
-from jaxleg.planning.rectangle import SearchRectangle, best_first, candidates, extent_of, feasible_score
+from jaxleg.planning.planner import Site, plan_footholds, reachable_heights
+from jaxleg.planning.rectangle import SearchRectangle, extent_of
 from jaxleg.search.config import Rectangle, Study, baseline
 from jaxleg.search.lanes import Lab, to_params
 from jaxleg.stance import nominal_stances
 from jaxleg.terrain import Grid, HeightMap, flat, stairs, valid_cells
 from jaxleg.terrain.features import FeatureSettings, traversability
 from jaxleg.terrain.files import load_map
-from jaxleg.viz.footholds import Cascade, draw_cascade, draw_footholds
+from jaxleg.viz.footholds import Planned, draw_cascade, draw_footholds
 
-CELL = 0.06  # of the example: large, to be seen [m]
-CORNERS = np.array([[5, 3], [4, -3], [-5, 3], [-6, -3]]) * CELL  # its nominal stance
-EXAMPLE = Grid(25, 13, CELL, (-12 * CELL, -6 * CELL))
 CYCLES = 3
+CELL = 0.02  # of Fig. 7's example [m]
+EXAMPLE = Grid(23, 13, CELL, (-11 * CELL, -6 * CELL))
+STANCE = np.array([[6, 3], [4, -3], [-4, 3], [-6, -3]]) * CELL  # its feet, nearer to each other than a robot's (leg, xy) [m]
+VALID = 0.65  # share of its cells that are valid
+SEEDS = {FootholdStatus.NOMINAL: 7, FootholdStatus.WIDENED: 87}  # of its maps, by how their cascade ends
+STAIR = Grid(110, 50, 0.02, (-1.09, -0.49))
+PATCHES, PATCH, PATCH_SEED = 40, 0.04, 10  # unseen patches of the stair, their radius [m]; all three ways of the cascade occur
+FINEST = 0.01  # cells [m] a map is thinned to: in smaller ones the features' windows take minutes to compile
 
 
-def main(out: Path | None = None, quick: bool = False, terrain: Path | None = None) -> None:
-    """Draw both figures; `quick` changes nothing, it takes seconds anyway. Exits with status 2 where a map cannot serve."""
+def main(out: Path | None = None, quick: bool = False, terrain: Path | None = None, heading: float = 0.0) -> None:
+    """Draw both figures and print every status; `quick` changes nothing. Exits with status 2 for a map that cannot serve."""
     del quick
+    jax.config.update("jax_enable_x64", True)
     study, lab = setup()
-    folder = out or Path("runs") / "footholds"
     try:
-        ground = load_map(terrain) if terrain else stair_map()
-        check_map(ground, str(terrain), study.rectangle, float(lab.robot.foot_radius))
+        foot = float(lab.robot.foot_radius)
+        ground = stair_map() if terrain is None else read_map(terrain, study.rectangle, foot, np.deg2rad(heading))
     except InputError as error:
         print(f"footholds: {error}", file=sys.stderr)
         sys.exit(2)
-    params = to_params(jnp.asarray(baseline(study, "flat", "paper"), float))
-    reachable = reachable_heights(lab.robot, params, np.deg2rad(study.kinds["flat"].least_knee_bend_deg))
-    cases = [example(reachable, wanted) for wanted in (FootholdStatus.NOMINAL, FootholdStatus.WIDENED)]
-    draw_cascade(cases, CORNERS, CELL, folder / "cascade.png")
-    site, nominal, choice = on_map(study, lab, ground)
-    draw_footholds(site, nominal, choice, study.rectangle.search_length, study.rectangle.search_width, folder / "map.png")
-    status = np.asarray(choice.status)
-    count = {s.name.lower(): int((status == s).sum()) for s in FootholdStatus}
-    for case in cases:
-        print(f"example: {case.status.name.lower()}, common offset {case.offset.round(2).tolist()} m")
-    print(f"twelve footholds on {terrain or 'a stair with unseen cells'}: {count}")
-    rows = {"example": [{"status": c.status.name, "offset": c.offset.tolist()} for c in cases], "count": count}
-    legs = {
-        leg: {"status": status[:, i].tolist(), "offset": np.asarray(choice.offset[:, i]).tolist()} for i, leg in enumerate(LEGS)
-    }
-    write("footholds", folder, rows | {"legs": legs, "terrain": str(terrain) if terrain else "stair"})
+    cases, walk = [example(wanted) for wanted in SEEDS], on_map(study, lab, ground, np.deg2rad(heading))
+    about = {"terrain": str(terrain or "a stair with unseen patches"), "resolution_m": float(ground.resolution)}
+    rows = {"cases": [rows_of(case)[0] for case in cases], "cycles": rows_of(walk), "count": count(walk)}
+    report(about, rows)
+    folder = out or Path("runs") / "footholds"
+    draw_cascade(*cases, folder / "cascade.png")
+    draw_footholds(walk, folder / "map.png")
+    write("footholds", out, about | {"heading_deg": heading} | rows)
+
+
+def example(wanted: FootholdStatus) -> Planned:
+    """Fig. 7's example on level ground with random valid cells; the planner must find its footholds in the wanted way."""
+    valid = np.random.default_rng(SEEDS[wanted]).random((EXAMPLE.nx, EXAMPLE.ny)) < VALID
+    box = SearchRectangle(*(jnp.asarray(x, float) for x in (5 * CELL, 3 * CELL, 2 * CELL, 0.5, 0.0)))
+    reachable = Reachable(*map(jnp.asarray, (-0.1, 0.1, 0.1)))
+    planned = plan(Site(flat(EXAMPLE), jnp.asarray(valid)), box, jnp.asarray(STANCE, float)[None], reachable)
+    status = np.asarray(planned.choice.status)
+    assert (status == wanted).all(), f"the planner's statuses are {status.tolist()}, but should be {wanted.name}"
+    return planned
+
+
+def plan(site: Site, box: SearchRectangle, nominal: jax.Array, reachable: Reachable) -> Planned:
+    """One call of the planner for nominal footholds (stance, leg, xy) in W [m]; the extent follows from the map's cells."""
+    size, resolution = float(box.length + box.longer), float(site.terrain.resolution)
+    extent = extent_of(size, float(box.width), float(reachable.step), resolution, float(box.heading))
+    choice = jax.jit(plan_footholds, static_argnums=4)(nominal, box, reachable, site, extent)
+    return Planned(site, box, np.asarray(nominal), choice)
 
 
 def stair_map() -> HeightMap:
-    """A stair of which every twentieth cell has not been seen."""
-    ground = stairs(Grid(120, 50, 0.02, (-1.2, -0.5)), 0.08, 0.30, 0.07)
-    hole = jax.random.uniform(jax.random.key(1), ground.elevation.shape) < 0.05
-    return HeightMap(jnp.where(hole, jnp.nan, ground.elevation), ground.origin, ground.resolution)
+    """A stair of 0.08 m / 0.30 m with round patches that nobody has seen."""
+    ground, half = stairs(STAIR, 0.08, 0.30, 0.05), 0.5 * STAIR.resolution * np.array([STAIR.nx, STAIR.ny])
+    centres = np.random.default_rng(PATCH_SEED).uniform(-half, half, (PATCHES, 1, 1, 2))
+    unseen = (np.linalg.norm(np.asarray(STAIR.points()) - centres, axis=-1) < PATCH).any(axis=0)
+    return dataclasses.replace(ground, elevation=jnp.where(unseen, jnp.nan, ground.elevation))
 
 
-def check_map(ground: HeightMap, name: str, box: Rectangle, foot: float) -> None:
-    """Raise `InputError` for a map that is coarser than the foot or the rectangle, or smaller than the rectangle."""
-    resolution, size = float(ground.resolution), np.array(ground.elevation.shape) * float(ground.resolution)
-    for what, limit in (("the foot's diameter", 2.0 * foot), ("W_Search", box.search_width)):
-        if resolution > limit + 1e-6:
-            raise InputError(f"{name}: resolution is {resolution:g} m, but must be at most {what}, {limit:g}")
-    need = np.array([box.search_length + box.longer, box.search_width])
-    if (size < need).any():
-        raise InputError(f"{name}: the map is {size[0]:g} x {size[1]:g} m, but the rectangle needs {need[0]:g} x {need[1]:g}")
+def read_map(path: Path, box: Rectangle, foot_radius: float, heading: float) -> HeightMap:
+    """A map from a file, every n-th cell of it where they are smaller than `FINEST`.
+
+    Raises `InputError` for cells larger than the foot's diameter or W_Search, and for a map smaller than the lengthened
+    rectangle at that heading [rad]; radius in metres.
+    """
+    terrain = load_map(path)
+    resolution = float(terrain.resolution)
+    for what, most in (("the foot's diameter", 2.0 * foot_radius), ("W_Search", box.search_width)):
+        if resolution > most + 1e-6:
+            raise InputError(f"{path}: resolution is {resolution:g} m, but must be at most {most:g} m, {what}")
+    size, need = (
+        resolution * np.array(terrain.elevation.shape),
+        sides(box.search_length + box.longer, box.search_width, heading),
+    )
+    if (size < need - 1e-6).any():
+        sizes = "{:.3g} x {:.3g} m, but the lengthened rectangle takes {:.3g} x {:.3g} m".format(*size, *need)
+        raise InputError(f"{path}: the map is {sizes}")
+    return thinned(terrain, max(1, int(FINEST / resolution + 1e-6)))
 
 
-def example(reachable: Reachable, wanted: FootholdStatus) -> Cascade:
-    """A random map on which the cascade over 3 x 5 cells ends with the wanted status, and all that the figure shows of it."""
-    box = SearchRectangle(*(jnp.asarray(x, float) for x in (5 * CELL, 3 * CELL, 2 * CELL, 0.5, 0.0)))
-    extent = extent_of(7 * CELL, 3 * CELL, 3 * CELL, CELL)
-    for seed in range(1000):
-        valid = np.random.default_rng(seed).random((EXAMPLE.nx, EXAMPLE.ny)) < 0.55
-        site = Site(flat(EXAMPLE), jnp.asarray(valid))
-        choice = plan_footholds(jnp.asarray(CORNERS, float)[None], box, reachable, site, extent)
-        if (np.asarray(choice.status) == wanted).all() and np.abs(choice.offset).sum() > 0.0:
-            break
-    seen = candidates(box, CELL, extent.cells)
-    widened = wanted == FootholdStatus.WIDENED
-    inside, longer = (seen.long, box.longer) if widened else (seen.short, 0.0)
-    rank = np.asarray(best_first(feasible_score(seen.along, box, longer), seen, inside).rank)
-    return Cascade(wanted, valid, EXAMPLE, np.asarray(inside), rank, np.asarray(choice.offset[0, 0]))
+def sides(length: float, width: float, heading: float) -> np.ndarray:
+    """Sides along x and y [m] of the box round a rectangle [m] turned to a heading [rad]."""
+    c, s = abs(np.cos(heading)), abs(np.sin(heading))
+    return np.array([c * length + s * width, s * length + c * width])
 
 
-def on_map(study: Study, lab: Lab, ground: HeightMap) -> tuple[Site, np.ndarray, Choice]:
-    """Site, nominal footholds and choice of a walk with the paper's parameters from the middle of a map."""
-    resolution, maps, box = float(ground.resolution), study.terrains, study.rectangle
-    easy = traversability(ground, resolution, FeatureSettings()) >= maps.least_traversability
-    limits = (float(np.deg2rad(maps.slope_limit_deg)), maps.edge_height)
-    site = Site(ground, valid_cells(ground, resolution, float(lab.robot.foot_radius), *limits, easy))
+def thinned(terrain: HeightMap, every: int) -> HeightMap:
+    """Every n-th cell of a map; what lies between them is forgotten."""
+    return HeightMap(terrain.elevation[::every, ::every], terrain.origin, terrain.resolution * every)
+
+
+def on_map(study: Study, lab: Lab, terrain: HeightMap, heading: float) -> Planned:
+    """Footholds of a walk of Pegasus with the paper's parameters through the middle of a map, at a heading [rad]."""
     params = to_params(jnp.asarray(baseline(study, "stairs", "paper"), float))
-    middle = ground.origin + 0.5 * ground.resolution * (jnp.array(ground.elevation.shape) - 1)
-    nominal = nominal_stances(params, 0, CYCLES) + middle
-    extent = extent_of(box.search_length + box.longer, box.search_width, float(params.step_length), resolution)
     reachable = reachable_heights(lab.robot, params, np.deg2rad(study.kinds["stairs"].least_knee_bend_deg))
-    choice = jax.jit(plan_footholds, static_argnums=4)(nominal, lab.rectangle, reachable, site, extent)
-    return site, np.asarray(nominal), choice
+    box = dataclasses.replace(lab.rectangle, heading=jnp.asarray(heading, float))
+    site = Site(terrain, valid(study, lab, terrain))
+    return plan(site, box, through_middle(params, terrain, heading), reachable)
+
+
+def valid(study: Study, lab: Lab, terrain: HeightMap) -> jax.Array:
+    """Cells (nx, ny) where a foot may be placed, judged as in a study (A9)."""
+    resolution, maps = float(terrain.resolution), study.terrains
+    easy = jax.jit(traversability, static_argnums=(1, 2))(terrain, resolution, FeatureSettings()) >= maps.least_traversability
+    slope = float(np.deg2rad(maps.slope_limit_deg))
+    return valid_cells(terrain, resolution, float(lab.robot.foot_radius), slope, maps.edge_height, easy)
+
+
+def through_middle(params: GaitParams, terrain: HeightMap, heading: float) -> jax.Array:
+    """Nominal footholds (stance, leg, xy) in W [m] of the walk's cycles; their mean is the middle of the map."""
+    nominal = nominal_stances(params, 0, CYCLES)
+    middle = terrain.origin + 0.5 * terrain.resolution * (jnp.array(terrain.elevation.shape) - 1)
+    c, s = jnp.cos(heading), jnp.sin(heading)
+    return (nominal - jnp.mean(nominal, axis=(0, 1))) @ jnp.array([[c, s], [-s, c]]) + middle
+
+
+def rows_of(planned: Planned) -> list[dict[str, Any]]:
+    """Status and offset (x, y) in W [m] of each leg, a row a stance."""
+    status, offset = np.asarray(planned.choice.status), np.round(planned.choice.offset, 6).tolist()
+    names = [[FootholdStatus(int(s)).name for s in stance] for stance in status]
+    return [{leg: {"status": s, "offset_m": o} for leg, s, o in zip(LEGS, *stance)} for stance in zip(names, offset)]
+
+
+def count(planned: Planned) -> dict[str, int]:
+    """How many footholds have each status."""
+    return {status.name: int(np.sum(np.asarray(planned.choice.status) == status)) for status in FootholdStatus}
+
+
+def report(about: dict[str, Any], rows: dict[str, Any]) -> None:
+    """The tables on the terminal."""
+    print("Fig. 7's example, offsets in x and y [m]")
+    for panels, row in zip(("(a)-(d)", "(e)-(g)"), rows["cases"]):
+        print(line(panels, row))
+    print("twelve footholds on {terrain}, cells of {resolution_m:g} m:".format(**about), rows["count"])
+    for cycle, row in enumerate(rows["cycles"]):
+        print(line(f"cycle {cycle + 1}", row))
+
+
+def line(title: str, row: dict[str, Any]) -> str:
+    """One stance in one line."""
+    legs = ("{} {:7s} {:+.3f} {:+.3f}".format(leg, found["status"], *found["offset_m"]) for leg, found in row.items())
+    return f"{title:8s} " + "   ".join(legs)
 
 
 if __name__ == "__main__":
