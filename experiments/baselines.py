@@ -1,7 +1,7 @@
-"""What does a saving owe to the choice of the baseline? The paper does not say what its "before" was (SPEC A15).
+"""What does a saving owe to the choice of the baseline? The paper does not say what its "before" was.
 
 The paper's parameters and ours against a grid of possible "traditional" settings at 0.012 m/s under "net" power: H_COG, L_F2H
-centre, skew none or half a step; the centre of mass midway between the hips and 0.1 m behind (A16); and with a constant loss.
+centre, skew none or half a step; the centre of mass midway between the hips and 0.1 m behind; and with a constant loss.
 Powers are those of the plan's inverse dynamics, which simulation follows within 2 %; stairs include a stand of 35 s in 265 s.
 
     python -m experiments.baselines [--quick]

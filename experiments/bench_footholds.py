@@ -8,6 +8,7 @@ run, with the same answers.
     python -m experiments.bench_footholds [--quick]
 """
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -102,8 +103,6 @@ def timed_batch(lane: Any, *batched: Any) -> dict[str, Any]:
 
 def plain_rates(elevation: np.ndarray, easy: np.ndarray) -> dict[str, Any]:
     """Seconds a terrain of plain NumPy, with and without the features, and its answers."""
-    import time
-
     began = time.perf_counter()
     answers = [plain_plan(NOMINAL, z, plain_valid(z, RESOLUTION, FOOT, e), GRID, LIMITS) for z, e in zip(elevation, easy)]
     middle = time.perf_counter()

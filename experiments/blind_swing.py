@@ -1,6 +1,6 @@
 """Blind swings over random terrain (paper B, Table II): the machine as printed and extended, in two readings of the terrain.
 
-The paper has ten terrains a row; here are 10,000, in batches, with 95 % intervals. The calibrated reading (SWING.md) draws the
+The paper has ten terrains a row; here are 10,000, in batches, with 95 % intervals. The calibrated reading draws the
 spline's knots from [3 - 0.4 h-, 3 + 0.4 h+] under a map 7.5 high, the literal one from [3 - h-, 3 + h+] under 8. A support is
 reachable if the end interval holds a window at least 0.02 wide, with slopes below 45 deg, between z- and z+, which the foot can
 get to under z+.

@@ -1,4 +1,4 @@
-"""Which gear ratio reproduces the paper's flat-ground power? The one calibrated number of this project (SPEC A1).
+"""Which gear ratio reproduces the paper's flat-ground power? The one calibrated number of this project.
 
 `traditional` on flat ground at 0.012 m/s under "net" power is to draw 35.4 W (paper A, Table I). The energy is that of the
 plan's inverse dynamics, which simulation follows within about 1 %. The reflected rotor inertia changes with the gear.

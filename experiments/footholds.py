@@ -23,11 +23,12 @@ from jaxleg.plan import FootholdStatus, GaitParams
 from jaxleg.planning.footholds import Reachable
 from jaxleg.planning.planner import Site, plan_footholds, reachable_heights
 from jaxleg.planning.rectangle import SearchRectangle, extent_of
+from jaxleg.search.checks import check_map
 from jaxleg.search.config import Rectangle, Study, baseline
 from jaxleg.search.lanes import Lab, to_params
+from jaxleg.search.sites import foothold_cells
 from jaxleg.stance import nominal_stances
-from jaxleg.terrain import Grid, HeightMap, flat, stairs, valid_cells
-from jaxleg.terrain.features import FeatureSettings, traversability
+from jaxleg.terrain import Grid, HeightMap, flat, stairs
 from jaxleg.terrain.files import load_map
 from jaxleg.viz.footholds import Planned, draw_cascade, draw_footholds
 
@@ -98,23 +99,8 @@ def read_map(path: Path, box: Rectangle, foot_radius: float, heading: float) -> 
     """
     terrain = load_map(path)
     resolution = float(terrain.resolution)
-    for what, most in (("the foot's diameter", 2.0 * foot_radius), ("W_Search", box.search_width)):
-        if resolution > most + 1e-6:
-            raise InputError(f"{path}: resolution is {resolution:g} m, but must be at most {most:g} m, {what}")
-    size, need = (
-        resolution * np.array(terrain.elevation.shape),
-        sides(box.search_length + box.longer, box.search_width, heading),
-    )
-    if (size < need - 1e-6).any():
-        sizes = "{:.3g} x {:.3g} m, but the lengthened rectangle takes {:.3g} x {:.3g} m".format(*size, *need)
-        raise InputError(f"{path}: the map is {sizes}")
+    check_map(f"{path}: ", terrain.elevation.shape, resolution, box, foot_radius, heading)
     return thinned(terrain, max(1, int(FINEST / resolution + 1e-6)))
-
-
-def sides(length: float, width: float, heading: float) -> np.ndarray:
-    """Sides along x and y [m] of the box round a rectangle [m] turned to a heading [rad]."""
-    c, s = abs(np.cos(heading)), abs(np.sin(heading))
-    return np.array([c * length + s * width, s * length + c * width])
 
 
 def thinned(terrain: HeightMap, every: int) -> HeightMap:
@@ -127,16 +113,9 @@ def on_map(study: Study, lab: Lab, terrain: HeightMap, heading: float) -> Planne
     params = to_params(jnp.asarray(baseline(study, "stairs", "paper"), float))
     reachable = reachable_heights(lab.robot, params, np.deg2rad(study.kinds["stairs"].least_knee_bend_deg))
     box = dataclasses.replace(lab.rectangle, heading=jnp.asarray(heading, float))
-    site = Site(terrain, valid(study, lab, terrain))
+    resolution, foot = float(terrain.resolution), float(lab.robot.foot_radius)
+    site = Site(terrain, jax.jit(foothold_cells, static_argnums=(0, 1, 2))(resolution, foot, study.terrains, terrain))
     return plan(site, box, through_middle(params, terrain, heading), reachable)
-
-
-def valid(study: Study, lab: Lab, terrain: HeightMap) -> jax.Array:
-    """Cells (nx, ny) where a foot may be placed, judged as in a study (A9)."""
-    resolution, maps = float(terrain.resolution), study.terrains
-    easy = jax.jit(traversability, static_argnums=(1, 2))(terrain, resolution, FeatureSettings()) >= maps.least_traversability
-    slope = float(np.deg2rad(maps.slope_limit_deg))
-    return valid_cells(terrain, resolution, float(lab.robot.foot_radius), slope, maps.edge_height, easy)
 
 
 def through_middle(params: GaitParams, terrain: HeightMap, heading: float) -> jax.Array:

@@ -46,11 +46,12 @@ class Reachable(NamedTuple):
     step: Float[Array, ""]
 
 
-class Ground(NamedTuple):
-    """What the legs find: the height of each candidate (NaN: no foothold there) and of the ground at their end [m]."""
+class Found(NamedTuple):
+    """What the legs find on the map."""
 
-    height: Float[Array, "leg i j"]
-    level: Float[Array, "leg"]
+    footing: Float[Array, "nx ny"]  # height of the cells that are footholds, NaN elsewhere [m]
+    level: Float[Array, "leg"]  # mean height of the ground at each leg's end [m]
+    usable: Bool[Array, "leg i j"]  # candidates that are footholds of a height that the leg reaches
 
 
 def choose(
@@ -67,9 +68,7 @@ def choose(
     the map, seen, valid, and of a height that the leg reaches.
     """
     seen = candidates(rectangle, terrain.resolution, extent.cells)
-    footing = jnp.where(valid & jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
-    ground = _look(nominal, footing, terrain, seen, extent.cells)
-    usable = _within(ground.height, ground.level[:, None, None], reachable)
+    footing, level, usable = _look(nominal, valid, terrain, seen, reachable, extent.cells)
     common = jnp.all(usable, axis=0)
     score = [feasible_score(seen.along, rectangle, longer) for longer in (0.0, rectangle.longer)]
     short, nominal_found = _first(best_first(score[0], seen, seen.short), common)
@@ -77,7 +76,7 @@ def choose(
     near, near_found = _first(nearest_first(seen, seen.long), usable)
     offset = seen.offset.reshape(-1, 2)[jnp.where(nominal_found, short, jnp.where(widened_found, long, near))]
     lost = ~(near_found | widened_found)
-    far, far_found = _resort(nominal, footing, terrain, rectangle, reachable, ground.level, lost, extent.resort)
+    far, far_found = _resort(nominal, footing, terrain, rectangle, reachable, level, lost, extent.resort)
     each = jnp.where(near_found | far_found, FootholdStatus.NEAREST, FootholdStatus.NONE)
     status = jnp.where(nominal_found, FootholdStatus.NOMINAL, jnp.where(widened_found, FootholdStatus.WIDENED, each))
     offset = jnp.where(lost[:, None], jnp.where(far_found[:, None], far, 0.0), offset)
@@ -99,9 +98,8 @@ def soft_offset(
     rectangle's parameters. With no common candidate it is zero.
     """
     seen = candidates(rectangle, terrain.resolution, extent.cells)
-    footing = jnp.where(valid & jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
-    ground = _look(nominal, footing, terrain, seen, extent.cells)
-    common = jnp.all(_within(ground.height, ground.level[:, None, None], reachable), axis=0) & seen.short
+    found = _look(nominal, valid, terrain, seen, reachable, extent.cells)
+    common = jnp.all(found.usable, axis=0) & seen.short
     logits = jnp.where(common, feasible_score(seen.along, rectangle) / temperature, -jnp.inf)
     weight = jax.nn.softmax(jnp.where(jnp.any(common), logits, 0.0), axis=(0, 1))
     mean = jnp.sum(weight[..., None] * seen.offset, axis=(0, 1))
@@ -113,14 +111,16 @@ def nearest_cell(terrain: HeightMap, xy: Float[Array, "*n 2"]) -> Int[Array, "*n
     return jnp.round((xy - terrain.origin) / terrain.resolution).astype(jnp.int32)
 
 
-def _look(nominal, footing, terrain, seen: Candidates, cells: tuple[int, int]) -> Ground:
+def _look(nominal, valid, terrain, seen: Candidates, reachable: Reachable, cells: tuple[int, int]) -> Found:
     """Cut each leg's candidates out of the map, which is bordered by cells that are no footholds."""
+    footing = jnp.where(valid & jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
     border = [(2 * n, 2 * n + 1) for n in cells]  # a nominal foothold beyond it sees nothing but border
     bordered = jnp.pad(footing, border, constant_values=jnp.nan)
     half, size = jnp.array(cells), tuple(2 * n + 1 for n in cells)
     corner = jnp.clip(nearest_cell(terrain, nominal) + half, 0, jnp.array(bordered.shape) - jnp.array(size))
     height = jax.vmap(lambda c: jax.lax.dynamic_slice(bordered, c, size))(corner)
-    return Ground(height, _levels(jnp.where(seen.long, height, jnp.nan)))
+    level = _levels(jnp.where(seen.long, height, jnp.nan))
+    return Found(footing, level, _within(height, level[:, None, None], reachable))
 
 
 def _levels(height: Float[Array, "leg i j"]) -> Float[Array, "leg"]:

@@ -52,14 +52,15 @@ class Order(NamedTuple):
 
 def extent_of(length: float, width: float, resort: float, resolution: float, heading: float | None = 0.0) -> Extent:
     """The extent for a lengthened rectangle and a step length (`resort`) [m], at a heading [rad] or (None) at any."""
-    half = 0.5 * np.array([length, width])
-    if heading is None:
-        half = np.full(2, np.hypot(*half))
-    else:
-        c, s = abs(np.cos(heading)), abs(np.sin(heading))
-        half = np.array([c * half[0] + s * half[1], s * half[0] + c * half[1]])
-    across, along = (int(n) for n in np.floor(half[::-1] / resolution + 1e-3))
-    return Extent((along, across), int(np.floor(resort / resolution + 1e-3)))
+    size = np.full(2, np.hypot(length, width)) if heading is None else bounding_sides(length, width, heading)
+    i, j = (int(n) for n in np.floor(0.5 * size / resolution + 1e-3))
+    return Extent((i, j), int(np.floor(resort / resolution + 1e-3)))
+
+
+def bounding_sides(length: float, width: float, heading: float) -> np.ndarray:
+    """Sides along x and y [m] of the box round a rectangle [m] turned to a heading [rad]."""
+    c, s = abs(np.cos(heading)), abs(np.sin(heading))
+    return np.array([c * length + s * width, s * length + c * width])
 
 
 def cells_around(extent: tuple[int, int]) -> np.ndarray:
@@ -109,5 +110,5 @@ def best_first(value: Float[Array, "i j"], seen: Candidates, allowed: Bool[Array
 
 
 def nearest_first(seen: Candidates, allowed: Bool[Array, "i j"]) -> Order:
-    """Order by Euclidean distance to the nominal foothold, squared distances compared on a grid of 1e-5 m^2 / 100."""
+    """Order by Euclidean distance to the nominal foothold, squared distances compared on a grid of 1e-7 m^2."""
     return best_first(-100.0 * jnp.sum(seen.along**2, axis=-1), seen, allowed)

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxleg.conventions import InputError
-from jaxleg.search.config import Study
+from jaxleg.planning.rectangle import bounding_sides
+from jaxleg.search.config import Rectangle, Study
 
 
 class Legs(NamedTuple):
@@ -29,7 +30,7 @@ def check_study(study: Study, source: str, legs: Legs) -> None:
                 f" {len(study.kinds)}, one for each of kinds"
             )
     _check_spans(study, source)
-    _check_maps(study, source, legs)
+    check_map(f"{source}: terrains.", study.terrains.cells, study.terrains.resolution, study.rectangle, legs.foot_radius)
     _check_stances(study, source, legs)
     _check_reach(study, source, legs)
 
@@ -42,17 +43,22 @@ def _check_spans(study: Study, source: str) -> None:
             raise InputError(f"{source}: {key} is {list(span)}, but its lower end must not exceed its upper end")
 
 
-def _check_maps(study: Study, source: str, legs: Legs) -> None:
-    """A cell must not be coarser than the foot or the search rectangle, a map not smaller than the lengthened rectangle."""
-    maps, box = study.terrains, study.rectangle
-    for what, limit in (("the foot's diameter", 2.0 * legs.foot_radius), ("rectangle.search_width", box.search_width)):
-        if maps.resolution > limit:
-            raise InputError(f"{source}: terrains.resolution is {maps.resolution:g}, but must be at most {what}, {limit:g}")
-    for cells, axis, need in zip(maps.cells, "xy", (box.search_length + box.longer, box.search_width)):
-        if cells * maps.resolution < need:
+def check_map(
+    where: str, cells: tuple[int, ...], resolution: float, box: Rectangle, foot_radius: float, heading: float = 0.0
+) -> None:
+    """Raise `InputError` for a map too coarse or too small to search footholds on for a walk at this heading [rad].
+
+    Lengths in metres. `where` begins the sentence, up to the key: "map.npz: " or "study.toml: terrains.".
+    """
+    for what, limit in (("the foot's diameter", 2.0 * foot_radius), ("the rectangle's search_width", box.search_width)):
+        if resolution > limit * (1.0 + 1e-6):
+            raise InputError(f"{where}resolution is {resolution:g} m, but must be at most {what}, {limit:g} m")
+    needs = bounding_sides(box.search_length + box.longer, box.search_width, heading)
+    for count, axis, need in zip(cells, "xy", needs):
+        if count * resolution < need - 1e-6:
             raise InputError(
-                f"{source}: terrains.cells has {cells} along {axis}, {cells * maps.resolution:g} m, but the lengthened search"
-                f" rectangle needs {need:g} m"
+                f"{where}cells along {axis} are {count}, {count * resolution:.3g} m, but the lengthened search rectangle"
+                f" needs {need:.3g} m"
             )
 
 

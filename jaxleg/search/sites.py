@@ -5,11 +5,13 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool
 
 from jaxleg.planning.planner import Site
-from jaxleg.search.config import Kind, Study
+from jaxleg.search.config import Kind, Study, Terrains
 from jaxleg.terrain.features import FeatureSettings, traversability
 from jaxleg.terrain.generators import BATCH, Grid, TerrainSettings, terrain_batch
+from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.validity import valid_cells
 
 HELD_OUT = 1_000_000  # number of the first held-out terrain: training never comes that far
@@ -30,21 +32,23 @@ def make_sites(study: Study, foot_radius: float, kind: str, held_out: bool) -> S
     settings = TerrainSettings(table.rise, table.run, 0.0, table.amplitude, table.correlation_length)
     difficulties = jnp.asarray(_spread(table, count), float)
     first = HELD_OUT if held_out else 0
-    limits = (float(np.deg2rad(maps.slope_limit_deg)), maps.edge_height)
-    return _build(
-        table.generator, grid(study), first, settings, foot_radius, limits, maps.least_traversability, key, difficulties
-    )
+    return _build(table.generator, grid(study), first, settings, foot_radius, maps, key, difficulties)
 
 
-@functools.partial(jax.jit, static_argnums=range(7))
-def _build(generator, grid, first, settings, foot_radius, limits, least, key, difficulties):
+@functools.partial(jax.jit, static_argnums=range(6))
+def _build(generator, grid, first, settings, foot_radius, maps, key, difficulties):
     terrain = terrain_batch(generator, grid, key, first, difficulties, settings)
-
-    def valid(one):
-        easy = traversability(one, grid.resolution, FeatureSettings()) >= least
-        return valid_cells(one, grid.resolution, foot_radius, *limits, easy)
-
+    valid = functools.partial(foothold_cells, grid.resolution, foot_radius, maps)
     return Site(terrain, jax.lax.map(valid, terrain, batch_size=BATCH))
+
+
+def foothold_cells(resolution: float, foot_radius: float, maps: Terrains, terrain: HeightMap) -> Bool[Array, "nx ny"]:
+    """Where a study lets a foot be placed on a map: traversability, slope and edges under a foot of this radius [m].
+
+    All but the map is static; `resolution` is the map's [m per cell].
+    """
+    easy = traversability(terrain, resolution, FeatureSettings()) >= maps.least_traversability
+    return valid_cells(terrain, resolution, foot_radius, float(np.deg2rad(maps.slope_limit_deg)), maps.edge_height, easy)
 
 
 def grid(study: Study) -> Grid:

@@ -1,6 +1,6 @@
 """A blind swing: the machine driven segment by segment against a terrain profile that only the foot feels. Paper B, IV.A.
 
-One swing; `vmap` it over terrains and machines. The discrete course of a swing has no gradient; see `replay`.
+One swing; `vmap` it over terrains and machines. No reverse mode: the course of a swing is a `while_loop`.
 """
 
 from typing import NamedTuple
@@ -47,9 +47,8 @@ def blind_swing(machine: Machine, step: Step, profile: Profile) -> Swing:
         share = jnp.where(deaf, arc.end, touch.share)
         point = point_at(arc, share) + jnp.stack([0.0 * share, jnp.where(touch.hit & ~deaf, skin(share.dtype), 0.0)])
         after = transition(machine, step, state, Sensed(point, touch.hit & ~deaf, touch.slope))
-        after = after._replace(
-            mode=jnp.where(swing.segments + 1 < SEGMENTS, after.mode, jnp.maximum(after.mode, Mode.SUPPORTED))
-        )
+        gives_up = (touch.lost & ~deaf) | ((swing.segments + 1 >= SEGMENTS) & (after.mode < Mode.SUPPORTED))
+        after = after._replace(mode=jnp.where(gives_up, Mode.STALLED, after.mode))
         return after, Swing(
             after.mode,
             point,

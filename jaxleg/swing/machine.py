@@ -4,7 +4,7 @@
 
 `transition` maps a state and what the foot felt at the end of a segment to the next state; `segment` says which path that state
 asks for. Both are plain functions of arrays; `swing/blind.py` drives them segment by segment against a known terrain.
-`printed` and `extended` are two sets of `Machine` parameters of the same program (SWING.md's repairs are switches).
+`printed` and `extended` are two sets of `Machine` parameters of the same program.
 """
 
 import dataclasses
@@ -81,13 +81,16 @@ class Sensed(NamedTuple):
     slope: Float[Array, ""]  # dT/dx: the force's direction is the terrain's normal (-dT/dx, 1)
 
 
-def printed(stations: int = 1, **changes: float) -> Machine:
-    """The machine as printed, with Table I's parameters and the calibrated map (SWING.md) unless changed."""
-    return _machine(dict(limit=3.0, probing=False), _uniform(stations), changes)
+def printed(**changes: float) -> Machine:
+    """The machine as printed, with paper B's Table I and a map from 0 to 7.5 unless changed (by field, e.g. `high`)."""
+    return _machine(dict(limit=3.0, probing=False), [0.0], changes)
 
 
 def extended(stations: int = 257, coarse_to_fine: bool = True, **changes: float) -> Machine:
-    """The machine with SWING.md's repairs and no limit of adjustments; stations are tried coarse to fine or from the left."""
+    """The machine repaired where the printed one jams, without a limit of adjustments; see `_extended`.
+
+    An odd number of stations over En, tried from coarse to fine or from the left; `changes` as for `printed`.
+    """
     order = _coarse_to_fine(stations) if coarse_to_fine else _uniform(stations)
     return _machine(dict(limit=jnp.inf, probing=True), order, changes)
 
@@ -102,7 +105,7 @@ def _machine(kind, stations, changes) -> Machine:
 
 def _uniform(count: int) -> list[float]:
     """From -1 to 1, from the left."""
-    return [0.0] if count == 1 else [2.0 * i / (count - 1) - 1.0 for i in range(count)]
+    return [2.0 * i / (count - 1) - 1.0 for i in range(count)]
 
 
 def _coarse_to_fine(count: int) -> list[float]:
@@ -131,7 +134,7 @@ def segment(machine: Machine, step: Step, state: State) -> Arc:
     rows = {
         Mode.INITIAL: (target[0] - x, up, *whole),
         Mode.BACK: (-back, 0.0, *whole),
-        Mode.UP: (2.0 * back, up, *first),
+        Mode.UP: (2.0 * (state.stop - x), up, *first),  # forward again by as far as it went back
         Mode.FORWARD: (2.0 * (target[0] - x), z - target[1], *second),
         Mode.OVER: (target[0] - x, up, *whole),
         Mode.DOWN: (0.0, z - machine.low, *second),

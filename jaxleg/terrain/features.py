@@ -31,7 +31,7 @@ class Features(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class FeatureSettings:
-    """Windows and critical values; static. The defaults are those of the published filters (SPEC, under C)."""
+    """Windows and critical values; static. The defaults are those of the published filters."""
 
     plane_radius: float = 0.05  # [m]
     first_radius: float = 0.04  # of the window in which heights differ [m]
@@ -76,7 +76,7 @@ def traversability(terrain: HeightMap, resolution: float, settings: FeatureSetti
     seen = features(terrain, resolution, settings)
     critical = (settings.critical_slope, settings.critical_roughness, settings.critical_step)
     scores = [jnp.maximum(0.0, 1.0 - value / limit) for value, limit in zip(seen, critical)]
-    return sum(scores[1:], scores[0]) / len(scores)
+    return jnp.mean(jnp.stack(scores), axis=0)
 
 
 def features(terrain: HeightMap, resolution: float, settings: FeatureSettings) -> Features:

@@ -1,4 +1,4 @@
-"""Savings over a grid of possible baselines (SPEC A15)."""
+"""Savings over a grid of possible baselines."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

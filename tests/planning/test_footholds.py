@@ -7,11 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxleg.kinematics import Reach, knee_bend, leg_angles
 from jaxleg.plan import FootholdStatus
 from jaxleg.planning.footholds import Reachable, choose, soft_offset
-from jaxleg.planning.planner import Site, plan_footholds
+from jaxleg.planning.planner import Site, plan_footholds, reachable_heights
 from jaxleg.planning.rectangle import Extent, SearchRectangle, extent_of, feasible_score
 from jaxleg.terrain import HeightMap
+from tests.planning.conftest import gait
 
 SIZE, STEP = 0.02, 0.2
 EXTENT = extent_of(0.38, 0.08, STEP, SIZE, heading=None)
@@ -177,6 +179,18 @@ def test_a_map_that_nobody_has_seen_gives_no_foothold():
         ours = chosen(jnp.asarray(NOMINAL), site(np.ones((80, 50), bool), np.full((80, 50), hole)), rectangle())
         assert set(np.asarray(ours.status)) == {FootholdStatus.NONE}
         assert np.all(np.asarray(ours.offset) == 0.0)
+
+
+@pytest.mark.parametrize(("height", "offset", "step"), [(0.5, -0.1, 0.2), (0.45, 0.05, 0.3)])
+def test_the_lowest_foothold_is_where_the_leg_has_its_least_bend(pegasus, height, offset, step):
+    """With the hip as low as the thigh is long over the ground, and the foot at the end of its sweep."""
+    bend, thigh, ahead = 0.35, 0.26, abs(offset) + 0.5 * step
+    ours = reachable_heights(pegasus, gait(height=height, offset=offset, step=step), bend)
+    foot = jnp.array([ahead, pegasus.link_offset[0, :, 1].sum(), ours.lowest - thigh])
+    angles, status = leg_angles(pegasus.joint_axis[0], pegasus.link_offset[0], pegasus.knee_sign, foot)
+    assert status == Reach.OK
+    np.testing.assert_allclose(knee_bend(pegasus.link_offset[0], angles), bend, atol=1e-9)
+    np.testing.assert_allclose([ours.highest, ours.step], [height - thigh, step], atol=1e-12)
 
 
 def test_the_score_is_one_at_nominal_and_zero_in_the_corner():

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from experiments.plain_swing import plain_swing
+from jaxleg.swing import arc, blind
+from jaxleg.swing.arc import point_at
 from jaxleg.swing.blind import blind_swing
-from jaxleg.swing.machine import Mode, Step, extended, printed
+from jaxleg.swing.machine import Mode, Step, begin, extended, printed, segment
 from jaxleg.swing.profile import natural_spline
 
 STEP = Step(jnp.array([0.0, 3.0]), jnp.array([8.0, 3.0]))
@@ -54,3 +56,38 @@ def test_probing_from_coarse_to_fine_takes_fewer_tries():
     coarse, left = (swings(extended(33, coarse_to_fine=kind), heights) for kind in (True, False))
     difference = np.asarray(left.adjustments) - np.asarray(coarse.adjustments)
     assert difference.mean() > 2.0 * difference.std() / np.sqrt(len(difference))
+
+
+def test_a_swing_that_runs_out_of_segments_or_loses_its_search_has_stalled(monkeypatch):
+    """Neither may come back as a support."""
+    heights = jnp.asarray(terrains(20, 4, 2, 0.4, seed=3))
+    whole = swings(extended(), heights)
+    for module, name, cap in ((blind, "SEGMENTS", 3), (arc, "STEPS", 60)):
+        with monkeypatch.context() as patch:
+            patch.setattr(module, name, cap)
+            short = jax.vmap(lambda knots: blind_swing(extended(), STEP, natural_spline(knots)))(heights)
+        stalled = np.asarray(short.exit == Mode.STALLED)
+        assert stalled.sum() > 10
+        assert np.all(stalled | (short.exit == whole.exit))
+        assert np.all(stalled | ~short.lost)
+
+
+@pytest.mark.parametrize("machine", [printed(), extended()])
+def test_case_4_goes_forward_by_as_far_as_it_went_back(machine):
+    """Paper B, (7) and (8): back from the wall at P_c, then up and forward to over P_c; also where the map ends behind it."""
+    wall = 0.3
+    state = begin(STEP)._replace(point=jnp.array([wall, 3.5]), stop=jnp.asarray(wall), mode=jnp.asarray(Mode.BACK))
+    back = segment(machine, STEP, state)
+    behind = point_at(back, back.end)
+    up = segment(machine, STEP, state._replace(point=behind, mode=jnp.asarray(Mode.UP)))
+    np.testing.assert_allclose(behind[0], wall - 0.5 if not machine.probing else 0.0, atol=1e-12)
+    np.testing.assert_allclose(point_at(up, up.end), [wall, 3.5 + 0.3 * (7.5 - 3.5)], atol=1e-12)
+
+
+def test_a_lost_search_ends_the_swing_at_once(monkeypatch):
+    monkeypatch.setattr(arc, "STEPS", 1)
+    near = STEP._replace(start=jnp.array([7.5, 3.0]))  # it is lost within the end interval, where the machine would probe on
+    swing = blind_swing(extended(), near, natural_spline(jnp.full(15, 3.0)))
+    assert swing.lost
+    assert swing.exit == Mode.STALLED
+    assert swing.segments == 1

@@ -149,9 +149,9 @@ def saved(path, cells, resolution):
 @pytest.mark.parametrize(
     ("cells", "resolution", "heading", "words"),
     [
-        ((40, 40), 0.05, 0.0, "resolution is 0.05 m, but must be at most 0.04 m, the foot's diameter"),
-        ((18, 40), 0.02, 0.0, "0.36 x 0.8 m, but the lengthened rectangle takes 0.38 x 0.08 m"),
-        ((40, 18), 0.02, 90.0, "0.8 x 0.36 m, but the lengthened rectangle takes 0.08 x 0.38 m"),
+        ((40, 40), 0.05, 0.0, "resolution is 0.05 m, but must be at most the foot's diameter, 0.04 m"),
+        ((18, 40), 0.02, 0.0, "cells along x are 18, 0.36 m, but the lengthened search rectangle needs 0.38 m"),
+        ((40, 18), 0.02, 90.0, "cells along y are 18, 0.36 m, but the lengthened search rectangle needs 0.38 m"),
     ],
 )
 def test_maps_that_cannot_serve_are_refused_in_one_sentence(tmp_path, capsys, cells, resolution, heading, words):
@@ -162,7 +162,7 @@ def test_maps_that_cannot_serve_are_refused_in_one_sentence(tmp_path, capsys, ce
 
 
 def test_w_search_refuses_a_map_too(tmp_path):
-    with pytest.raises(InputError, match=r"at most 0\.03 m, W_Search"):
+    with pytest.raises(InputError, match=r"at most the rectangle's search_width, 0\.03 m"):
         experiment.read_map(saved(tmp_path / "map.npz", (40, 40), 0.04), Rectangle(search_width=0.03), 0.02, 0.0)
 
 

@@ -1,0 +1,25 @@
+"""Where a study lets a foot be placed: its settings reach the terrain's features."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jaxleg.search.config import Terrains
+from jaxleg.search.sites import foothold_cells
+from jaxleg.terrain import Grid, stairs
+
+TREAD = slice(15, 30)  # the cells of one tread: 0.30 m at 0.02 m
+
+
+@pytest.mark.parametrize(
+    ("changes", "cells"),
+    [({}, 11), ({"least_traversability": 0.7}, 9), ({"least_traversability": 0.0, "edge_height": 0.5}, 15)],
+)
+def test_a_tread_keeps_the_cells_that_the_settings_allow(changes, cells):
+    """Of 15: two go at either riser; 0.7 takes one more on either side; without edges and features none goes, because the
+    sampled surface is level at the last cell of a tread (the harmonic mean of a slope and 0)."""
+    terrain = stairs(Grid(45, 12, 0.02, (0.0, 0.0)), 0.08, 0.30)
+    valid = np.asarray(foothold_cells(0.02, 0.02, dataclasses.replace(Terrains(), **changes), terrain))[TREAD, 6]
+    assert valid.sum() == cells
+    assert np.array_equal(valid, valid[::-1])
