@@ -8,7 +8,6 @@ get to under z+.
     python -m experiments.blind_swing [--quick]
 """
 
-import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,11 +16,11 @@ import jax.numpy as jnp
 import numpy as np
 import tyro
 
-from experiments.common import write
+from experiments.common import timed, write
 from experiments.plain_swing import plain_swing
 from jaxleg.cli import configure_jax
-from jaxleg.search.batches import over_lanes
-from jaxleg.swing.blind import Swing, blind_swing
+from jaxleg.search.batches import shared_out
+from jaxleg.swing.blind import Swing, blind_swings
 from jaxleg.swing.machine import Machine, Mode, Step, extended, printed
 from jaxleg.swing.profile import Profile, height, natural_spline, slope
 
@@ -33,7 +32,7 @@ PAPER = {  # step, collisions, path, success with and without adjustment [%]
     (4, 2): (6.48, 2.6, 14.76, 80, 0),
 }
 STEP = Step(np.array([0.0, 3.0]), np.array([8.0, 3.0]))
-CHUNK, GRID = 64, 0.02  # swings a device at once; grid on which a reachable support is looked for
+CHUNK, GRID = 5000, 0.02  # swings a device at once; grid on which a reachable support is looked for
 
 
 class Machines(NamedTuple):
@@ -81,20 +80,20 @@ def terrains(count: int, above: float, below: float, amplitude: float) -> np.nda
 
 def swings(machine: Machine) -> Any:
     """Batched swings: knot heights -> `Swing`s."""
-    return over_lanes(lambda heights: blind_swing(machine, Step(*map(jnp.asarray, STEP)), natural_spline(heights)), CHUNK)
+    step = Step(*map(jnp.asarray, STEP))
+    return shared_out(lambda heights: blind_swings(machine, step, jax.vmap(natural_spline)(heights)), CHUNK)
 
 
 def row(machine: Machine, heights: np.ndarray, possible: np.ndarray) -> dict[str, Any]:
     """Means and 95 % intervals over the terrains, and the time of all swings once compiled."""
     call = swings(machine)
-    call(heights[: 2 * CHUNK])
-    began = time.perf_counter()
     seen: Swing = call(heights)
-    seconds = time.perf_counter() - began
+    seconds = timed(call, heights)
     found = seen.exit == Mode.SUPPORTED
     values = {
         "step_length": np.where(found, seen.point[:, 0], 0.0),
         "path_length": seen.length,
+        "time": seen.time,
         "adjustments": seen.adjustments.astype(float),
         "collisions": seen.collisions.astype(float),
         "success": found.astype(float),
@@ -141,10 +140,7 @@ def show(r: dict[str, Any]) -> None:
 
 def against_python(heights: np.ndarray, rows: list[dict[str, Any]]) -> float:
     """Plain Python's time a swing over the batched one's."""
-    began = time.perf_counter()
-    for knots in heights:
-        plain_swing(knots)
-    plain = (time.perf_counter() - began) / len(heights)
+    plain = timed(lambda: [plain_swing(knots) for knots in heights], repeats=5) / len(heights)
     ours = next(r for r in rows if (r["reading"], r["machine"], r["h_minus"]) == ("calibrated", "printed", 2))
     return plain / (ours["seconds"] / ours["n"])
 

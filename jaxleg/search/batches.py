@@ -14,10 +14,15 @@ import numpy as np
 
 def over_lanes(lane: Callable[..., Any], chunk: int) -> Callable[..., Any]:
     """The function of one lane over a leading axis of its arguments, `chunk` lanes a device at a time."""
+    return shared_out(jax.vmap(lane), chunk)
+
+
+def shared_out(batch: Callable[..., Any], chunk: int) -> Callable[..., Any]:
+    """A function over a leading axis of its arguments, its lanes shared out over all devices, `chunk` a device at a time."""
     devices = np.array(jax.local_devices())
     along = jax.sharding.PartitionSpec("lane")
     mesh = jax.sharding.Mesh(devices, ("lane",))
-    shared = jax.shard_map(jax.vmap(lane), mesh=mesh, in_specs=along, out_specs=along, check_vma=False)
+    shared = jax.shard_map(batch, mesh=mesh, in_specs=along, out_specs=along, check_vma=False)
     return functools.partial(in_chunks, jax.jit(shared), chunk * devices.size)
 
 

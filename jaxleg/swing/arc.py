@@ -1,20 +1,18 @@
-"""Pieces of a compound cycloid as paths, and where they first touch a terrain profile. Paper B, (2).
-
-The search for a contact is certified: with a bound M on |g''| of the gap g between path and terrain, the gap stays above
-g + g' h - M h^2 / 2, so a step h to that parabola's root never jumps over a contact. Near one it converges as Newton's method.
-"""
+"""Pieces of a compound cycloid as paths, and where they first touch a terrain profile. Paper B, (2)."""
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxleg.swing.contact import Cells, first_contact
 from jaxleg.swing.cycloid import cycloid_advance, cycloid_lift
-from jaxleg.swing.profile import Profile, height, most_bent, slope, steepest
+from jaxleg.swing.profile import Profile, bounds_between, height, slope
 
-STEPS = 20_000  # of one search; a path that creeps along the terrain longer than this comes back as `lost`
-QUADRATURE = 64  # intervals of the arc length, by Simpson's rule
+CELLS = 32
+NODE, WEIGHT = np.polynomial.legendre.leggauss(10)  # of the arc length, in each half of the period
 
 
 class Arc(NamedTuple):
@@ -24,7 +22,7 @@ class Arc(NamedTuple):
     stride: Float[Array, "*batch"]  # S of the whole cycloid
     rise: Float[Array, "*batch"]  # H
     begin: Float[Array, "*batch"]  # 0, or 1/2 for a second half
-    end: Float[Array, "*batch"]
+    end: Float[Array, "*batch"]  # 1, or 1/2 for a first half
 
 
 class Touch(NamedTuple):
@@ -38,65 +36,78 @@ class Touch(NamedTuple):
     steps: Int[Array, ""]
 
 
-def skin(dtype: jnp.dtype) -> float:
-    """How far above the terrain a foot that has touched it sets off again; a tenth of it counts as contact."""
-    return max(1e-9, 320.0 * float(jnp.finfo(dtype).eps))
-
-
-def point_at(arc: Arc, share: Float[Array, "*n"]) -> Float[Array, "*n 2"]:
+def point_at(arc: Arc, share: Float[ArrayLike, "*n"]) -> Float[Array, "*n 2"]:
     """Point (x, z) of an arc at a share of the period between its begin and end."""
     x = arc.start[0] + arc.stride * (cycloid_advance(share) - cycloid_advance(arc.begin))
     z = arc.start[1] + arc.rise * (cycloid_lift(share) - cycloid_lift(arc.begin))
     return jnp.stack([x, z], axis=-1)
 
 
-def length_to(arc: Arc, share: Float[Array, ""]) -> Float[Array, ""]:
-    """Length of the arc's path from its begin to a share of the period."""
-    at = arc.begin + (share - arc.begin) * jnp.linspace(0.0, 1.0, QUADRATURE + 1, dtype=arc.start.dtype)
-    x_rate, z_rate = _rates(arc, at)
+def length_to(arc: Arc, share: Float[ArrayLike, ""]) -> Float[Array, ""]:
+    """Length of the arc's path from its begin to a share of the period: Gauss-Legendre in either half, smooth in each."""
+    middle = jnp.clip(0.5, arc.begin, jnp.maximum(share, arc.begin))
+    return _length_between(arc, arc.begin, middle) + _length_between(arc, middle, share)
+
+
+def _length_between(arc, low, high):
+    half = 0.5 * (high - low)
+    x_rate, z_rate = rates(arc, low + half * (1.0 + jnp.asarray(NODE, arc.start.dtype)))
     squared = x_rate**2 + z_rate**2
     speed = jnp.where(squared > 0.0, jnp.sqrt(jnp.where(squared > 0.0, squared, 1.0)), 0.0)
-    weight = jnp.array([1.0] + [4.0, 2.0] * (QUADRATURE // 2 - 1) + [4.0, 1.0], arc.start.dtype) / (3.0 * QUADRATURE)
-    return (share - arc.begin) * jnp.sum(weight * speed)
+    return half * jnp.sum(jnp.asarray(WEIGHT, arc.start.dtype) * speed)
+
+
+def period(arc: Arc) -> Float[Array, ""]:
+    """Time of the whole cycloid at a peak speed of 1 (paper B gives none): the greatest |dp| by the share, in either half.
+
+    With c = cos(2 pi s) the square of the speed is S^2 (1 - c)^2 + pi^2 H^2 (1 - c^2): greatest in mid-swing or at its vertex.
+    """
+    across, up = arc.stride**2, (jnp.pi * arc.rise) ** 2
+    bows = up > 2.0 * across
+    return jnp.where(bows, up / jnp.sqrt(jnp.where(bows, up - across, 1.0)), 2.0 * jnp.abs(arc.stride))
+
+
+def velocity_at(arc: Arc, share: Float[ArrayLike, ""]) -> Float[Array, "2"]:
+    """Velocity at a share of the period, at a peak speed of 1; zero for an arc of no length."""
+    whole = period(arc)
+    return jnp.stack(rates(arc, share)) / jnp.where(whole > 0.0, whole, 1.0)
 
 
 def first_touch(arc: Arc, profile: Profile) -> Touch:
-    """The first contact along an arc that begins above the terrain, or the arc's end. See the module for why none is missed."""
-    bend = _bend_bound(arc, profile)
-    near = 0.1 * skin(arc.start.dtype)
+    """The first contact along an arc that begins above the terrain, or the arc's end; certified, see `contact`."""
 
-    def gap_and_rate(share):
+    def gap_and_rate(share, _):
         point = point_at(arc, share)
-        x_rate, z_rate = _rates(arc, share)
+        x_rate, z_rate = rates(arc, share)
         return point[1] - height(profile, point[0]), z_rate - slope(profile, point[0]) * x_rate
 
-    def going(state):
-        share, hit, steps = state
-        return ~hit & (share < arc.end) & (steps < STEPS)
-
-    def advance(state):
-        share, _, steps = state
-        gap, rate = gap_and_rate(share)
-        ahead = (rate + jnp.sqrt(rate**2 + 2.0 * bend * jnp.maximum(gap, 0.0))) / bend
-        hit = gap <= near
-        return jnp.where(hit, share, jnp.minimum(share + ahead, arc.end)), hit, steps + 1
-
-    zero = jnp.zeros((), jnp.int32)
-    share, hit, steps = jax.lax.while_loop(going, advance, (arc.begin, jnp.array(False), zero))
-    hit = hit | ((share >= arc.end) & (gap_and_rate(share)[0] <= 20.0 * near))  # a level swing ends where it began
-    point = point_at(arc, share)
-    return Touch(share, point, hit, ~hit & (share < arc.end), slope(profile, point[0]), steps)
+    found = first_contact(_cells(arc, profile), gap_and_rate)
+    point = point_at(arc, found.at)
+    return Touch(found.at, point, found.hit, found.lost, slope(profile, point[0]), found.steps)
 
 
-def _rates(arc: Arc, share):
+def rates(arc: Arc, share):
     """dx and dz by the share of the period."""
     turn = 2.0 * jnp.pi * share
     return arc.stride * (1.0 - jnp.cos(turn)), arc.rise * jnp.pi * jnp.sin(turn)
 
 
-def _bend_bound(arc: Arc, profile: Profile):
-    """Bound on |g''| over the whole period: z'' - T'' x'^2 - T' x''."""
-    stride, rise = jnp.abs(arc.stride), jnp.abs(arc.rise)
-    along = 2.0 * stride
-    bound = 2.0 * jnp.pi**2 * rise + most_bent(profile) * along**2 + 2.0 * jnp.pi * stride * steepest(profile)
-    return jnp.maximum(bound, 1e-6)
+def _cells(arc: Arc, profile: Profile) -> Cells:
+    """Equal shares of the whole period, with bounds on g'' = z'' - T'' x'^2 - T' x'' in each; their cycloid is constant."""
+    dtype, edge = arc.start.dtype, np.arange(CELLS + 1) / CELLS
+    turn = 2.0 * np.pi * edge
+    advance, lift = edge - np.sin(turn) / (2.0 * np.pi), 0.5 - 0.5 * np.cos(turn)
+    x = arc.start[0] + arc.stride * (jnp.asarray(advance, dtype) - cycloid_advance(arc.begin))
+    z = arc.start[1] + arc.rise * (jnp.asarray(lift, dtype) - cycloid_lift(arc.begin))
+    steep, bent = bounds_between(profile, x[:-1], x[1:])
+    x_rate, x_bend, z_bend = (jnp.asarray(c, dtype) for c in _greatest(turn))
+    bend = jnp.abs(arc.rise) * z_bend + bent * (arc.stride * x_rate) ** 2 + steep * jnp.abs(arc.stride) * x_bend
+    share = jnp.asarray(edge, dtype)
+    used = (share[:-1] >= arc.begin) & (share[1:] <= arc.end)
+    return Cells(share, z - height(profile, x), jnp.maximum(bend, 1e-6), used)
+
+
+def _greatest(turn):
+    """Greatest 1 - cos, 2 pi |sin| and 2 pi^2 |cos| in each cell: monotone, or with a turn at an edge (CELLS % 4 = 0)."""
+    values = (1.0 - np.cos(turn), 2.0 * np.pi * np.abs(np.sin(turn)), 2.0 * np.pi**2 * np.abs(np.cos(turn)))
+    return [np.maximum(v[:-1], v[1:]) for v in values]

@@ -1,6 +1,6 @@
 """A blind swing: the machine driven segment by segment against a terrain profile that only the foot feels. Paper B, IV.A.
 
-One swing; `vmap` it over terrains and machines. No reverse mode: the course of a swing is a `while_loop`.
+`blind_swing` is one swing, `blind_swings` many at once. No reverse mode: the course of a swing is a `while_loop`.
 """
 
 from typing import NamedTuple
@@ -9,11 +9,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxleg.swing.arc import first_touch, length_to, point_at, skin
-from jaxleg.swing.machine import Machine, Mode, Sensed, Step, begin, segment, transition
+from jaxleg.queue import over_queue
+from jaxleg.swing.arc import first_touch, length_to, period, point_at, velocity_at
+from jaxleg.swing.contact import skin
+from jaxleg.swing.machine import Machine, Mode, Sensed, State, Step, begin, segment, transition
 from jaxleg.swing.profile import Profile
 
 SEGMENTS = 2000  # of one swing; then it has stalled
+LANES = 64  # swings under way at once
 
 
 class Swing(NamedTuple):
@@ -22,6 +25,8 @@ class Swing(NamedTuple):
     exit: Int[Array, ""]  # Mode.SUPPORTED, RETURNED or STALLED
     point: Float[Array, "2"]  # where it ended
     length: Float[Array, ""]  # of its path, a return included
+    time: Float[Array, ""]  # at a peak speed of 1 on every segment
+    jump: Float[Array, ""]  # greatest jump of velocity where a segment follows one that no contact stopped
     adjustments: Int[Array, ""]  # carried out; the return is none
     collisions: Int[Array, ""]  # contacts that were no support
     segments: Int[Array, ""]
@@ -31,34 +36,60 @@ class Swing(NamedTuple):
 
 def blind_swing(machine: Machine, step: Step, profile: Profile) -> Swing:
     """Swing from the start of a step until an exit is reached."""
-    lifted = jnp.stack([step.start[0], step.start[1] + skin(step.start.dtype)])
-    step = step._replace(start=lifted)
-    zero, no = jnp.zeros((), jnp.int32), jnp.array(False)
-    first = (begin(step), Swing(zero, lifted, jnp.zeros((), lifted.dtype), zero, zero, zero, no, no))
+    return jax.lax.while_loop(
+        lambda carry: carry[0].mode < Mode.SUPPORTED,
+        lambda carry: _advance(machine, lifted(step), profile, carry),
+        _begin(lifted(step)),
+    )[1]
 
-    def going(carry):
-        return carry[0].mode < Mode.SUPPORTED
 
-    def advance(carry):
-        state, swing = carry
-        arc = segment(machine, step, state)
-        touch = first_touch(arc, profile)
-        deaf = state.mode >= Mode.RETURN_UP
-        share = jnp.where(deaf, arc.end, touch.share)
-        point = point_at(arc, share) + jnp.stack([0.0 * share, jnp.where(touch.hit & ~deaf, skin(share.dtype), 0.0)])
-        after = transition(machine, step, state, Sensed(point, touch.hit & ~deaf, touch.slope))
-        gives_up = (touch.lost & ~deaf) | ((swing.segments + 1 >= SEGMENTS) & (after.mode < Mode.SUPPORTED))
-        after = after._replace(mode=jnp.where(gives_up, Mode.STALLED, after.mode))
-        return after, Swing(
-            after.mode,
-            point,
-            swing.length + length_to(arc, share),
-            after.adjustments,
-            swing.collisions + (touch.hit & ~deaf & (after.mode != Mode.SUPPORTED)),
-            swing.segments + 1,
-            swing.lost | touch.lost,
-            swing.struck | (deaf & touch.hit),
-        )
+def blind_swings(machine: Machine, step: Step, profiles: Profile) -> Swing:
+    """`blind_swing` of one machine and step over many profiles (a leading axis): the swings' lengths differ much."""
+    return over_queue(
+        lambda _: _begin(lifted(step)),
+        lambda profile, carry: _advance(machine, lifted(step), profile, carry),
+        lambda carry: carry[0].mode < Mode.SUPPORTED,
+        profiles,
+        LANES,
+    )[1]
 
-    _, swing = jax.lax.while_loop(going, advance, first)
-    return swing
+
+def lifted(step: Step) -> Step:
+    """The step from just above the ground that its foot stands on."""
+    return step._replace(start=jnp.stack([step.start[0], step.start[1] + skin(step.start.dtype)]))
+
+
+Carry = tuple[State, Swing, Float[Array, "2"]]  # and the velocity at the end of the last segment
+
+
+def _begin(step: Step) -> Carry:
+    zero, no, still = jnp.zeros((), jnp.int32), jnp.array(False), jnp.zeros((), step.start.dtype)
+    return begin(step), Swing(zero, step.start, still, still, still, zero, zero, zero, no, no), jnp.zeros_like(step.start)
+
+
+def _advance(machine: Machine, step: Step, profile: Profile, carry: Carry) -> Carry:
+    """One segment and the transition at its end."""
+    state, swing, velocity = carry
+    arc = segment(machine, step, state)
+    touch = first_touch(arc, profile)
+    deaf = state.mode >= Mode.RETURN_UP
+    share = jnp.where(deaf, arc.end, touch.share)
+    point = point_at(arc, share) + jnp.stack([0.0 * share, jnp.where(touch.hit & ~deaf, skin(share.dtype), 0.0)])
+    after = transition(machine, step, state, Sensed(point, touch.hit & ~deaf, touch.slope))
+    gives_up = (touch.lost & ~deaf) | ((swing.segments + 1 >= SEGMENTS) & (after.mode < Mode.SUPPORTED))
+    after = after._replace(mode=jnp.where(gives_up, Mode.STALLED, after.mode).astype(jnp.int32))
+    stops = (touch.hit & ~deaf) | (after.mode >= Mode.SUPPORTED)
+    jump = jnp.max(jnp.abs(velocity_at(arc, arc.begin) - velocity))
+    swing = Swing(
+        after.mode,
+        point,
+        swing.length + length_to(arc, share),
+        swing.time + (share - arc.begin) * period(arc),
+        jnp.maximum(swing.jump, jump),
+        after.adjustments,
+        swing.collisions + (touch.hit & ~deaf & (after.mode != Mode.SUPPORTED)),
+        swing.segments + 1,
+        swing.lost | touch.lost,
+        swing.struck | (deaf & touch.hit),
+    )
+    return after, swing, jnp.where(stops, 0.0, velocity_at(arc, share))

@@ -44,23 +44,42 @@ def slope(profile: Profile, x: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
     return jnp.where(inside, (b + u * (2.0 * c + u * 3.0 * d)) / profile.spacing, 0.0)
 
 
-def steepest(profile: Profile) -> Float[Array, ""]:
-    """Bound on |dT/dx|: at the knots and where the slope of a piece turns."""
+def bounds_between(
+    profile: Profile, start: Float[Array, "*n"], end: Float[Array, "*n"]
+) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+    """Bounds on |dT/dx| and |d2T/dx2| between two places: those of the pieces there, or of all if there are more than two."""
+    steep, bent = _steepest(profile), _most_bent(profile)
+    first, last = _index(profile, start)[0], _index(profile, end)[0]
+    near = jnp.abs(last - first) <= 1
+
+    def greatest(values):
+        return jnp.where(near, jnp.maximum(values[first], values[last]), jnp.max(values))
+
+    return greatest(steep), greatest(bent)
+
+
+def _steepest(profile: Profile):
+    """Greatest |dT/dx| of each piece: at its knots or where its slope turns."""
     b, c, d = (profile.coefficients[:, k] for k in (1, 2, 3))
     turn = jnp.clip(-c / jnp.where(d == 0.0, 1.0, 3.0 * d), 0.0, 1.0)
     places = jnp.stack([jnp.zeros_like(turn), turn, jnp.ones_like(turn)])
-    return jnp.max(jnp.abs(b + places * (2.0 * c + places * 3.0 * d))) / profile.spacing
+    return jnp.max(jnp.abs(b + places * (2.0 * c + places * 3.0 * d)), axis=0) / profile.spacing
 
 
-def most_bent(profile: Profile) -> Float[Array, ""]:
-    """Bound on |d2T/dx2| within the pieces: it is linear in each, so greatest at the knots."""
+def _most_bent(profile: Profile):
+    """Greatest |d2T/dx2| of each piece: it is linear there, so greatest at a knot."""
     c, d = profile.coefficients[:, 2], profile.coefficients[:, 3]
-    return jnp.max(jnp.maximum(jnp.abs(2.0 * c), jnp.abs(2.0 * c + 6.0 * d))) / profile.spacing**2
+    return jnp.maximum(jnp.abs(2.0 * c), jnp.abs(2.0 * c + 6.0 * d)) / profile.spacing**2
+
+
+def _index(profile, x):
+    """Piece at x, and the place there in pieces from the start."""
+    count = profile.coefficients.shape[0]
+    place = jnp.clip((x - profile.start) / profile.spacing, 0.0, count)
+    return jnp.minimum(place.astype(jnp.int32), count - 1), place
 
 
 def _piece(profile: Profile, x):
-    count = profile.coefficients.shape[0]
-    place = jnp.clip((x - profile.start) / profile.spacing, 0.0, count)
-    index = jnp.minimum(place.astype(jnp.int32), count - 1)
+    index, place = _index(profile, x)
     a, b, c, d = jnp.moveaxis(profile.coefficients[index], -1, 0)
     return a, b, c, d, place - index

@@ -9,7 +9,8 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from jaxleg.swing import profile
-from jaxleg.swing.arc import Arc, first_touch, length_to, point_at, skin
+from jaxleg.swing.arc import Arc, first_touch, length_to, period, point_at, velocity_at
+from jaxleg.swing.contact import skin
 
 N = 10_000
 
@@ -32,8 +33,14 @@ def test_the_natural_spline_is_scipys_with_its_slope_and_bounds():
         ours, theirs = profile.natural_spline(jnp.asarray(heights)), CubicSpline(np.arange(15), heights, bc_type="natural")
         np.testing.assert_allclose(profile.height(ours, x), theirs(x), atol=1e-10)
         np.testing.assert_allclose(profile.slope(ours, x), theirs(x, 1), atol=1e-9)
-        assert np.abs(theirs(x, 1)).max() <= profile.steepest(ours) < 1.05 * np.abs(theirs(x, 1)).max()
-        np.testing.assert_allclose(profile.most_bent(ours), np.abs(theirs(np.arange(15), 2)).max(), rtol=1e-9)
+        for start, end in ((2.3, 2.9), (4.5, 5.6), (6.7, 6.2), (1.0, 9.0)):
+            steep, bent = (float(v[0]) for v in profile.bounds_between(ours, *(jnp.array([v]) for v in (start, end))))
+            between = np.linspace(start, end, 500)
+            assert np.abs(theirs(between, 1)).max() <= steep * (1 + 1e-9)
+            assert np.abs(theirs(between, 2)).max() <= bent * (1 + 1e-9)
+            if abs(end - start) > 2.0:
+                assert steep < 1.05 * np.abs(theirs(x, 1)).max()
+                np.testing.assert_allclose(bent, np.abs(theirs(np.arange(15), 2)).max(), rtol=1e-9)
 
 
 @pytest.mark.parametrize(("begin", "end"), [(0.0, 1.0), (0.0, 0.5), (0.5, 1.0)])
@@ -45,6 +52,15 @@ def test_an_arc_begins_at_its_start_and_has_the_length_of_its_path(begin, end):
         return np.hypot(3.0 * (1.0 - np.cos(2 * np.pi * s)), 1.5 * np.pi * np.sin(2 * np.pi * s))
 
     np.testing.assert_allclose(length_to(arc, arc.end), quad(speed, begin, end)[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("stride", "rise"), [(8.0, 1.5), (2.0, 1.5), (0.0, 2.0), (-0.5, 0.0), (1.0, 0.4502)])
+def test_the_period_is_that_of_a_peak_speed_of_one(stride, rise):
+    arc = Arc(*(jnp.asarray(x) for x in (np.array([1.0, 2.0]), stride, rise, 0.0, 1.0)))
+    share = np.linspace(0.0, 1.0, 4001)
+    speed = np.hypot(*np.gradient(np.asarray(point_at(arc, share)), share, axis=0).T) / float(period(arc))
+    np.testing.assert_allclose(speed.max(), 1.0, atol=1e-5)
+    np.testing.assert_allclose(np.hypot(*velocity_at(arc, 0.3)), speed[1200], atol=1e-5)
 
 
 @pytest.fixture(scope="module")
