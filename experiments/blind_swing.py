@@ -32,7 +32,7 @@ PAPER = {  # step, collisions, path, success with and without adjustment [%]
     (4, 2): (6.48, 2.6, 14.76, 80, 0),
 }
 STEP = Step(np.array([0.0, 3.0]), np.array([8.0, 3.0]))
-CHUNK, GRID = 5000, 0.02  # swings a device at once; grid on which a reachable support is looked for
+GRID = 0.02  # grid on which a reachable support is looked for
 
 
 class Machines(NamedTuple):
@@ -78,17 +78,27 @@ def terrains(count: int, above: float, below: float, amplitude: float) -> np.nda
     return heights
 
 
-def swings(machine: Machine) -> Any:
-    """Batched swings: knot heights -> `Swing`s."""
+def swings(machine: Machine, count: int) -> Any:
+    """So many swings at once: knot heights -> `Swing`s."""
     step = Step(*map(jnp.asarray, STEP))
-    return shared_out(lambda heights: blind_swings(machine, step, jax.vmap(natural_spline)(heights)), CHUNK)
+    return shared_out(
+        lambda heights: blind_swings(machine, step, jax.vmap(natural_spline)(heights)), -(-count // jax.device_count())
+    )
 
 
 def row(machine: Machine, heights: np.ndarray, possible: np.ndarray) -> dict[str, Any]:
     """Means and 95 % intervals over the terrains, and the time of all swings once compiled."""
-    call = swings(machine)
+    call = swings(machine, len(heights))
     seen: Swing = call(heights)
     seconds = timed(call, heights)
+    found = seen.exit == Mode.SUPPORTED
+    share = float(found[possible].mean()) if possible.any() else None
+    rest = {"reachable": float(possible.mean()), "reachable_found": share}
+    return means(seen) | rest | {"seconds": seconds}
+
+
+def means(seen: Swing) -> dict[str, Any]:
+    """Means with 95 % intervals over swings, and how many ended oddly; a failed step has no length, its path the return."""
     found = seen.exit == Mode.SUPPORTED
     values = {
         "step_length": np.where(found, seen.point[:, 0], 0.0),
@@ -99,10 +109,9 @@ def row(machine: Machine, heights: np.ndarray, possible: np.ndarray) -> dict[str
         "success": found.astype(float),
         "success_without_adjustment": (found & (seen.adjustments == 0)).astype(float),
     }
-    means = {name: interval(x) for name, x in values.items()}
-    share = float(found[possible].mean()) if possible.any() else None
-    rest = {"reachable": float(possible.mean()), "reachable_found": share, "stalled": int((seen.exit == Mode.STALLED).sum())}
-    return means | rest | {"lost": int(seen.lost.sum()), "struck": int(seen.struck.sum()), "seconds": seconds, "n": len(found)}
+    odd = {"stalled": seen.exit == Mode.STALLED, "lost": seen.lost, "struck": seen.struck}
+    counts = {name: int(np.sum(x)) for name, x in odd.items()}
+    return {name: interval(x) for name, x in values.items()} | counts | {"n": len(found)}
 
 
 def interval(values: np.ndarray) -> dict[str, Any]:

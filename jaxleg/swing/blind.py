@@ -62,9 +62,14 @@ def lifted(step: Step) -> Step:
 Carry = tuple[State, Swing, Float[Array, "2"]]  # and the velocity at the end of the last segment
 
 
-def _begin(step: Step) -> Carry:
+def no_swing(step: Step) -> Swing:
+    """A swing before it has begun."""
     zero, no, still = jnp.zeros((), jnp.int32), jnp.array(False), jnp.zeros((), step.start.dtype)
-    return begin(step), Swing(zero, step.start, still, still, still, zero, zero, zero, no, no), jnp.zeros_like(step.start)
+    return Swing(zero, step.start, still, still, still, zero, zero, zero, no, no)
+
+
+def _begin(step: Step) -> Carry:
+    return begin(step), no_swing(step), jnp.zeros_like(step.start)
 
 
 def _advance(machine: Machine, step: Step, profile: Profile, carry: Carry) -> Carry:

@@ -10,6 +10,16 @@ def cycloid_advance(share: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
     return jnp.asarray(share) - jnp.sin(2.0 * jnp.pi * share) / (2.0 * jnp.pi)
 
 
+def cycloid_share(advance: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
+    """Share of the time at which a part of the way in [0, 1] is covered: the inverse of `cycloid_advance`, by bisection."""
+    low = jnp.zeros_like(jnp.asarray(advance))
+    width = jnp.ones_like(low)
+    for _ in range(24):
+        width = 0.5 * width
+        low = jnp.where(cycloid_advance(low + width) <= advance, low + width, low)
+    return low + 0.5 * width
+
+
 def cycloid_lift(share: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
     """Height over the start, z/H = (1 - cos(2 pi s))/2, at share s in [0, 1] of the time (B, eq. 2)."""
     return 0.5 * (1.0 - jnp.cos(2.0 * jnp.pi * share))

@@ -31,12 +31,13 @@ class Mode(enum.IntEnum):
     LIFT = 7  # extended: straight up to the map's upper bound
     ACROSS = 8  # extended: along it to the next untried station
     PROBE = 9  # extended: straight down there
-    RETURN_UP = 10  # (10), first part: up to the map's upper bound
-    RETURN_ACROSS = 11  # extended: along it to above the start
-    RETURN_DOWN = 12  # (10), second part
-    SUPPORTED = 13
-    RETURNED = 14
-    STALLED = 15  # gave up: no station left, or out of segments
+    ROUTE = 10  # informed: along a planned route
+    RETURN_UP = 11  # (10), first part: up to the map's upper bound
+    RETURN_ACROSS = 12  # extended: along it to above the start
+    RETURN_DOWN = 13  # (10), second part
+    SUPPORTED = 14
+    RETURNED = 15
+    STALLED = 16  # gave up: no station left, or out of segments
 
 
 @jax.tree_util.register_dataclass
