@@ -125,13 +125,11 @@ def _bends_up(a, b, c):
 
 def show(r: dict[str, Any]) -> None:
     """One line of the table."""
-    success = r["success"]
+    success, terrain = r["success"], f"{r['reading']} dh {r['dh']}"
     share = f"{100 * success['mean']:6.2f} [{100 * success['ci95'][0]:.1f}, {100 * success['ci95'][1]:.1f}]"
+    numbers = f"{r['step_length']['mean']:5.2f}  {r['path_length']['mean']:6.2f}  {r['collisions']['mean']:9.3f}"
     over = f"{r['over_shortest']:.3f}" if "over_shortest" in r else ""
-    print(
-        f"{r['reading'] + ' dh ' + str(r['dh']):20s}{r['planner']:28s}{r['step_length']['mean']:5.2f}  {r['path_length']['mean']:6.2f}"
-        f"  {r['collisions']['mean']:9.3f}    {share:24s}{100 * r['route_at_first']:9.1f}            {over}"
-    )
+    print(f"{terrain:20s}{r['planner']:28s}{numbers}    {share:24s}{100 * r['route_at_first']:9.1f}            {over}")
 
 
 if __name__ == "__main__":

@@ -50,15 +50,20 @@ def main(out: Path | None = None, quick: bool = False) -> None:
 
 def unseen_stairs(study: Study, lab: Lab, count: int) -> tuple[Lanes, np.ndarray]:
     """Held-out stairs, and where a riser of each stands [m]: the draw of the generator, from the same keys."""
-    names, kind = list(study.kinds), study.kinds["stairs"]
-    study = dataclasses.replace(study, terrains=dataclasses.replace(study.terrains, held_out=count * len(names)))
-    site = make_sites(study, float(lab.robot.foot_radius), "stairs", held_out=True)
+    names, kind, lanes = list(study.kinds), study.kinds["stairs"], unseen(study, lab, "stairs", count)
     keys = terrain_keys(jax.random.fold_in(jax.random.key(study.seed), names.index("stairs")), HELD_OUT, count)
     risers = jax.vmap(lambda key: jax.random.uniform(key, (), float, 0.0, kind.run))(keys)
     made = jax.vmap(lambda offset: stairs(grid(study), kind.rise, kind.run, offset))(risers)
-    np.testing.assert_allclose(made.elevation, site.terrain.elevation, atol=1e-6)  # they are the maps' own risers
-    bend = np.deg2rad(kind.least_knee_bend_deg)
-    return Lanes(site, Setting(*(jnp.full(count, x, float) for x in (bend, 0.0, 1.0)))), np.asarray(risers)
+    np.testing.assert_allclose(made.elevation, lanes.site.terrain.elevation, atol=1e-6)  # they are the maps' own risers
+    return lanes, np.asarray(risers)
+
+
+def unseen(study: Study, lab: Lab, kind: str, count: int) -> Lanes:
+    """So many held-out terrains of a kind."""
+    study = dataclasses.replace(study, terrains=dataclasses.replace(study.terrains, held_out=count * len(study.kinds)))
+    site = make_sites(study, float(lab.robot.foot_radius), kind, held_out=True)
+    bend = np.deg2rad(study.kinds[kind].least_knee_bend_deg)
+    return Lanes(site, Setting(*(jnp.full(count, x, float) for x in (bend, 0.0, 1.0))))
 
 
 def climb(seen: Table, vector: np.ndarray, lanes: Lanes, risers: np.ndarray) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """From a walk to joint references: inverse kinematics with exact rates, feed-forward torque by inverse dynamics."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -20,11 +21,23 @@ from jaxleg.planning.trajectory import foot_path, load_weight, trunk_path
 from jaxleg.robot import Robot
 
 
+class Pose(NamedTuple):
+    """Trunk (x, y, z, pitch) and feet in W, with their first and second time derivatives."""
+
+    trunk: Float[Array, "4"]
+    feet: Float[Array, "leg 3"]
+    trunk_rate: Float[Array, "4"]
+    feet_rate: Float[Array, "leg 3"]
+    trunk_acceleration: Float[Array, "4"]
+    feet_acceleration: Float[Array, "leg 3"]
+
+
 class Instant(NamedTuple):
     """The reference at one instant; see `Reference` for frames and units."""
 
     angles: Float[Array, "leg joint"]
     velocity: Float[Array, "leg joint"]
+    acceleration: Float[Array, "leg joint"]
     torque: Float[Array, "leg joint"]
     pose: Float[Array, "4"]  # trunk (x, y, z, pitch)
     pose_rate: Float[Array, "4"]
@@ -39,41 +52,46 @@ class Instant(NamedTuple):
 def instant(robot: Robot, walk: Walk, settings: CrawlSettings, phase: Phases, share: Float[ArrayLike, ""]) -> Instant:
     """The reference at a share of one phase, with exact time derivatives: of trunk and feet by forward differentiation,
     of the joints through the legs' Jacobians."""
-    pose, pose_rate, pose_acceleration, feet, feet_rate, feet_acceleration = _derivatives(walk, settings, phase, share)
-    spin, spin_rate, felt = _trunk_motion(pose, pose_rate, pose_acceleration)
-    angles, reach = joint_angles(robot, pose, feet)
-    frames = all_leg_frames(robot, angles)
-    to_trunk = jnp.swapaxes(trunk_rotation(pose[3]), 0, 1)
-    arm = robot.hip_position + frames.foot
-    foot_v = matvec(to_trunk, feet_rate - pose_rate[:3]) - cross(jnp.broadcast_to(spin, arm.shape), arm)
-    foot_a = matvec(to_trunk, feet_acceleration - pose_acceleration[:3])
-    foot_a = foot_a - jax.vmap(_moving_frame, in_axes=(None, None, 0, 0))(spin, spin_rate, arm, foot_v)
-    velocity, acceleration = jax.vmap(joint_rates)(frames, foot_v, foot_a)
-    weight = load_weight(phase, share, settings.load_share)
-    torque, force = torques_on_ground(
-        robot, frames, Motion(velocity, acceleration, spin, spin_rate, felt), weight, to_trunk[:, 2]
-    )
-    load = dot(force, to_trunk[:, 2]) / jnp.maximum(weight, 1e-3)
-    com = pose[:3] + matvec(trunk_rotation(pose[3]), centre_of_mass(robot, frames))
-    bend = jax.vmap(knee_bend)(robot.link_offset, angles)
-    return Instant(angles, velocity, torque, pose, pose_rate, feet, weight, load, com, bend, reach)
-
-
-def _derivatives(walk, settings, phase, share):
-    """Trunk pose and feet in W, each with its first and second time derivative."""
 
     def at(time):
         now = share + time / phase.duration
         return trunk_path(phase, now), foot_path(phase, now, walk.params.lift_share, settings.load_share)
 
-    def with_rate(time):
-        return jax.jvp(at, (time,), (jnp.ones_like(time),))
+    weight = load_weight(phase, share, settings.load_share)
+    return instant_of(robot, pose_at(at, jnp.zeros((), walk.footholds.dtype)), weight)
 
-    zero = jnp.zeros((), walk.footholds.dtype)
-    ((pose, feet), (pose_rate, feet_rate)), (_, (pose_acceleration, feet_acceleration)) = jax.jvp(
-        with_rate, (zero,), (jnp.ones_like(zero),)
+
+def pose_at(path: Callable[[Array], tuple[Array, Array]], time: Float[Array, ""]) -> Pose:
+    """Trunk and feet along a path of time [s], with exact time derivatives by forward differentiation."""
+
+    def with_rate(time):
+        return jax.jvp(path, (time,), (jnp.ones_like(time),))
+
+    ((trunk, feet), rate), (_, acceleration) = jax.jvp(with_rate, (time,), (jnp.ones_like(time),))
+    return Pose(trunk, feet, *rate, *acceleration)
+
+
+def instant_of(robot: Robot, at: Pose, weight: Float[Array, "leg"]) -> Instant:
+    """The reference of a pose, its feet loaded by `weight` (1 standing, 0 in the air)."""
+    spin, spin_rate, felt = _trunk_motion(at.trunk, at.trunk_rate, at.trunk_acceleration)
+    angles, reach = joint_angles(robot, at.trunk, at.feet)
+    frames = all_leg_frames(robot, angles)
+    to_trunk = jnp.swapaxes(trunk_rotation(at.trunk[3]), 0, 1)
+    arm = robot.hip_position + frames.foot
+    foot_v = matvec(to_trunk, at.feet_rate - at.trunk_rate[:3]) - cross(jnp.broadcast_to(spin, arm.shape), arm)
+    foot_a = matvec(to_trunk, at.feet_acceleration - at.trunk_acceleration[:3])
+    foot_a = foot_a - jax.vmap(_moving_frame, in_axes=(None, None, 0, 0))(spin, spin_rate, arm, foot_v)
+    velocity, acceleration = jax.vmap(joint_rates)(frames, foot_v, foot_a)
+    torque, force = torques_on_ground(
+        robot, frames, Motion(velocity, acceleration, spin, spin_rate, felt), weight, to_trunk[:, 2]
     )
-    return pose, pose_rate, pose_acceleration, feet, feet_rate, feet_acceleration
+    load = dot(force, to_trunk[:, 2]) / jnp.maximum(weight, 1e-3)
+    com = at.trunk[:3] + matvec(trunk_rotation(at.trunk[3]), centre_of_mass(robot, frames))
+    bend = jax.vmap(knee_bend)(robot.link_offset, angles)
+    return Instant(
+        *(angles, velocity, acceleration, torque, at.trunk, at.trunk_rate, at.feet),
+        *(weight, load, com, bend, reach),
+    )
 
 
 def _moving_frame(spin, spin_rate, arm, velocity):

@@ -54,7 +54,14 @@ def step(
     engine: Engine, robot: Robot, ground: Ground, terrain: HeightMap, state: State, now: Tracking
 ) -> tuple[State, Measured]:
     """One semi-implicit step of dt towards the tracked joint reference."""
-    dt, terms = now.dt, engine(state.q, state.v)
+    return advance(engine(state.q, state.v), robot, ground, terrain, state, now)
+
+
+def advance(
+    terms: Terms, robot: Robot, ground: Ground, terrain: HeightMap, state: State, now: Tracking
+) -> tuple[State, Measured]:
+    """`step` with the engine's terms of the state at hand."""
+    dt = now.dt
     angles, trunk_v, leg_v = state.q[7:].reshape(4, 3), state.v[:6], state.v[6:].reshape(4, 3)
     wanted = robot.stiffness * (now.position - angles) + robot.velocity_gain * (now.velocity - leg_v) + now.torque
     torque = jnp.clip(wanted, -robot.torque_limit, robot.torque_limit)

@@ -1,0 +1,191 @@
+"""Stairs and rough ground with a map that is 3 cm wrong: a swing leg that feels its way against one that follows the clock.
+
+Both follow the same walks, planned on the wrong map: beyond the first stance the ground is believed 3 cm too high on half
+of the terrains, 3 cm too low on the others. The reactive leg feels forces through its joint torques (paper B, reading B18),
+stops at a contact, searches where it finds none (paper B's machine), and the trunk follows the feet. Falls, touch-down impulse
+(normal force over the first 50 ms of contact), and what was felt beside the true contact.
+
+    python -m experiments.reactive_climb [--quick]
+"""
+
+import dataclasses
+import functools
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+
+from experiments.blind_swing import interval
+from experiments.common import setup, write
+from experiments.stairs import unseen
+from jaxleg.gait import SHIFT, SWING_LEG
+from jaxleg.planning.planner import Site, choose_footholds
+from jaxleg.search.batches import over_lanes
+from jaxleg.search.config import Study, baseline
+from jaxleg.search.lanes import CYCLES, Lab, to_params
+from jaxleg.search.sites import foothold_cells
+from jaxleg.sim.reactive import Tick, walk_reactively
+from jaxleg.sim.reflex import Feeling, feeling
+from jaxleg.stance import nominal_stances
+from jaxleg.swing.machine import Mode, extended
+from jaxleg.terrain.heightmap import HeightMap
+
+RUNS, ERROR, DT = 64, 0.03, 0.0025
+WINDOW = 0.05  # of the touch-down impulse [s]
+TOUCH = 5.0  # true normal force that counts as contact [N]
+SPARE = 1.8  # time given to a walk over its plan's
+
+
+CONTESTANTS: dict[str, dict[str, Any]] = {  # what the leg is told; `error` 0 walks with the right map
+    "clocked": {"reacts": False},
+    "reactive": {},
+    "reactive, feels weight only": {"inertia": 0.0},
+    "reactive, sees nothing": {"sees": False},
+    "clocked, right map": {"reacts": False, "error": 0.0},
+    "reactive, right map": {"error": 0.0},
+}
+
+
+KINDS = {"stairs": tuple(CONTESTANTS), "rough": ("clocked", "reactive", "reactive, sees nothing")}
+
+
+def main(out: Path | None = None, quick: bool = False) -> None:
+    """Climb with all; `quick` takes 8 terrains a kind."""
+    study, lab = setup()
+    count, kinds = 8 if quick else RUNS, {}
+    for kind, names in KINDS.items():
+        rows = {}
+        for name in names:
+            rows[name] = walk_all(study, lab, kind, count, CONTESTANTS[name])
+            show(kind, name, rows[name])
+        saved = saving(rows["clocked"], rows["reactive"])
+        for which, r in saved.items():
+            span = f"{r['mean']:.2f} N s {np.round(r['ci95'], 2)}"
+            print(f"touch-down impulse, clocked less reactive, {which}: {span} over {r['n']} terrains")
+        kinds[kind] = {
+            "rows": {n: {k: v for k, v in r.items() if k != "lanes"} for n, r in rows.items()},
+            "impulse_saved": saved,
+        }
+    write("reactive_climb", out, {"kinds": kinds, "n": count, "map_error_m": ERROR})
+
+
+def walk_all(study: Study, lab: Lab, kind: str, count: int, told: dict[str, Any]) -> dict[str, Any]:
+    """One contestant's row on a kind of terrain: maps too high on every other one, too low on the rest."""
+    vector = baseline(study, kind, "traditional").astype(np.float32)
+    lanes, signs = unseen(study, lab, kind, count), np.where(np.arange(count) % 2 == 0, 1.0, -1.0)
+    believed = wrong_maps(study, lab, lanes.site.terrain, vector, told.get("error", ERROR) * signs)
+    feel = feeling(**{k: v for k, v in told.items() if k != "error"})
+    return row(climbs(lab, vector, lanes.site.terrain, believed, np.asarray(lanes.setting.least_bend), feel))
+
+
+def saving(clocked: dict[str, Any], reactive: dict[str, Any]) -> dict[str, Any]:
+    """Paired difference of the mean touch-down impulse: all stairs, and those that the clocked leg climbed to the end."""
+    difference = clocked["lanes"]["impulse"] - reactive["lanes"]["impulse"]
+    both = clocked["lanes"]["alive"] & reactive["lanes"]["alive"]
+    parts = {"all": difference, "those that both walked": difference[both]}
+    return {name: interval(d) | {"n": len(d)} for name, d in parts.items() if len(d) > 1}
+
+
+def wrong_maps(study: Study, lab: Lab, terrain: HeightMap, vector: np.ndarray, offsets: np.ndarray) -> Site:
+    """Maps raised or lowered beyond the first stance, and where they let a foot be placed."""
+    front = float(nominal_stances(to_params(jnp.asarray(vector)), 0, 1)[0, :, 0].max()) + 0.06
+    maps = study.terrains
+
+    @jax.jit
+    @jax.vmap
+    def wrong(true: HeightMap, offset):
+        x = true.origin[0] + true.resolution * jnp.arange(true.elevation.shape[0])
+        error = jnp.where(x > front, offset, 0.0)[:, None].astype(true.elevation.dtype)
+        believed = dataclasses.replace(true, elevation=true.elevation + error)
+        return Site(believed, foothold_cells(maps.resolution, float(lab.robot.foot_radius), maps, believed))
+
+    return wrong(terrain, jnp.asarray(offsets))
+
+
+def climbs(lab: Lab, vector: np.ndarray, terrain: HeightMap, believed: Site, bend: np.ndarray, feel: Feeling) -> Tick:
+    """Climb all stairs (leading axis)."""
+    lab.engine  # noqa: B018  built outside of any tracing
+    span = CYCLES * float(to_params(jnp.asarray(vector)).step_length) / lab.speed
+    lane = functools.partial(_climb, lab, vector, feel, round(SPARE * span / DT))
+    return over_lanes(lane, min(lab.chunk, -(-len(bend) // jax.local_device_count())))(terrain, believed, bend)
+
+
+def _climb(lab: Lab, vector, feel: Feeling, ticks: int, terrain, believed: Site, bend) -> Tick:
+    params = to_params(jnp.asarray(vector))
+    choice = choose_footholds(lab.robot, params, bend, lab.rectangle, believed, lab.extent, CYCLES)
+    walk = lab.walk(params, believed, choice, bend)
+    machine = extended(9, height_share=0.3, back=0.04, allowance=0.05, limit=8.0)
+    dt = jnp.asarray(DT, walk.footholds.dtype)
+    settings = lab.settings(bend)
+    return walk_reactively(lab.engine, lab.robot, lab.ground, terrain, walk, settings, machine, feel, dt, ticks)
+
+
+def row(tick: Tick) -> dict[str, Any]:
+    """Falls, touch-downs, and how well contacts were felt."""
+    downs = [touch_downs(Tick(*(x[k] for x in tick))) for k in range(len(tick.alive))]
+    impulse = np.array([np.mean([d["impulse"] for d in lane]) for lane in downs])
+    every = [d for lane in downs for d in lane]
+    late = [d["late"] for d in every if d["late"] is not None]
+    return {
+        "falls": int(np.sum(~tick.alive[:, -1])),
+        "unfinished": int(np.sum(~tick.done[:, -1])),
+        "touch_downs": len(every),
+        "impulse_ns": float(impulse.mean()),
+        "lanes": {"impulse": impulse, "alive": tick.alive[:, -1]},
+        "peak_n": float(np.mean([d["peak"] for d in every])),
+        "adjustments": float(np.mean([d["adjustments"] for d in every])),
+        "returned": int(sum(d["exit"] == Mode.RETURNED for d in every)),
+        "contacts_felt": int(tick.contact.sum()),
+        "of_these_false": int(np.sum(tick.contact & (swinging_force(tick) < TOUCH))),
+        "felt_late_ms": float(1e3 * np.mean(late)) if late else np.nan,
+    }
+
+
+def swinging_force(tick: Tick) -> np.ndarray:
+    """True normal force on the leg that swings (lane, t) [N]."""
+    leg = np.maximum(np.array(SWING_LEG * CYCLES + (0,))[np.minimum(tick.phase, len(SWING_LEG) * CYCLES)], 0)
+    return np.take_along_axis(tick.normal_force, leg[..., None], axis=-1)[..., 0]
+
+
+def touch_downs(tick: Tick) -> list[dict[str, Any]]:
+    """Each swing's first true contact after it has been in the air: its impulse, its peak, and when it was felt."""
+    legs, found, window = np.array(SWING_LEG * CYCLES), [], round(WINDOW / DT)
+    for phase in np.flatnonzero(legs != SHIFT):
+        at = np.flatnonzero(tick.phase == phase)
+        if not len(at):
+            continue
+        after = np.arange(at[0], min(at[-1] + 2 * window, len(tick.phase)))
+        force, mode = tick.normal_force[after, legs[phase]], tick.mode[after]
+        air = np.flatnonzero((force < 0.1) & (mode >= 0))
+        touch = np.flatnonzero((force > TOUCH) & (np.arange(len(after)) > (air[0] if len(air) else len(after))))
+        if not len(touch):
+            continue
+        first = touch[0]
+        stopped = np.flatnonzero(tick.contact[after] & (np.arange(len(after)) >= first))
+        late = (stopped[0] - first) * DT if len(stopped) else None
+        found.append(
+            {
+                "impulse": float(force[first : first + window].sum() * DT),
+                "peak": float(force[first : first + window].max()),
+                "adjustments": int(tick.adjustments[at].max()),
+                "exit": int(mode[mode >= 0][-1]),
+                "late": late,
+            }
+        )
+    return found
+
+
+def show(kind: str, name: str, r: dict[str, Any]) -> None:
+    """One line."""
+    felt = f"{r['contacts_felt']} contacts felt ({r['of_these_false']} false) {r['felt_late_ms']:.1f} ms late"
+    print(
+        f"{kind:7s}{name:28s} falls {r['falls']}, {r['touch_downs']} touch-downs, impulse {r['impulse_ns']:.2f} N s, "
+        f"peak {r['peak_n']:.0f} N, adjustments {r['adjustments']:.2f}, returned {r['returned']}, {felt}"
+    )
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -1,0 +1,102 @@
+"""Forces felt through the joints against the simulated contact; bounds of a swing; a walk whose map is wrong."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxleg.gait import SHIFT, SWING_LEG
+from jaxleg.kinematics import Reach, leg_angles
+from jaxleg.plan import GaitParams
+from jaxleg.planning.bounds import swing_bounds
+from jaxleg.planning.crawl import CrawlSettings, crawl
+from jaxleg.planning.planner import no_choice
+from jaxleg.planning.posture import CogPlan
+from jaxleg.sim.contact import Ground
+from jaxleg.sim.engine import mjx_engine
+from jaxleg.sim.reactive import walk_reactively
+from jaxleg.sim.reflex import feeling
+from jaxleg.swing.machine import Mode, extended
+from jaxleg.terrain.generators import Grid, flat
+
+DT, TICKS = 0.0025, 2400
+ERROR = np.array([0.03, -0.03])
+
+
+@pytest.fixture(scope="module")
+def walked(pegasus):
+    """One cycle over level ground that the map has 3 cm too high, and too low, ahead of the first stance."""
+    engine = mjx_engine(pegasus)
+    numbers = (0.46, 0.0, 0.0, 0.16, 0.6, 0.36, 0.06, 0.45, 0.5, 0.0)
+    params = GaitParams(*(jnp.asarray(x) for x in numbers))
+    settings = CrawlSettings(*(jnp.asarray(x) for x in (0.05, 0.3, 0.02, 0.1)), CogPlan(jnp.asarray(0.5), jnp.asarray(0.01)))
+    machine = extended(9, back=0.04, allowance=0.05, limit=8.0)
+    true = flat(Grid(80, 40, 0.04, (-1.2, -0.8)))
+
+    def lane(error):
+        x = true.origin[0] + true.resolution * jnp.arange(80)
+        believed = dataclasses.replace(true, elevation=true.elevation + jnp.where(x > 0.36, error, 0.0)[:, None])
+        choice = no_choice(1, jnp.asarray(0.0).dtype)
+        walk = crawl(pegasus, params, settings, believed, choice.offset, choice.status)
+        return walk_reactively(engine, pegasus, Ground(), true, walk, settings, machine, feeling(), jnp.asarray(DT), TICKS)
+
+    return jax.tree.map(np.asarray, jax.jit(jax.vmap(lane))(jnp.asarray(ERROR)))
+
+
+def test_a_walk_whose_map_is_wrong_ends_on_its_feet(walked, pegasus):
+    assert np.all(walked.alive)
+    assert np.all(walked.done[:, -1])
+    heights = walked.foot[:, -1, :, 2]
+    np.testing.assert_allclose(heights, float(pegasus.contact_radius), atol=3e-3)
+    assert np.all(walked.normal_force[:, -1] > 20.0)
+
+
+def test_a_foot_that_finds_no_ground_goes_on_down_and_one_that_meets_it_early_stops(walked):
+    """Of the front feet, which step to where the map is wrong."""
+    swings = [phase for phase, leg in enumerate(SWING_LEG) if leg != SHIFT]
+    assert np.all(walked.contact.sum(axis=1) == len(swings))
+    for phase in swings[1::2]:
+        modes = [set(walked.mode[lane, walked.phase[lane] == phase]) for lane in range(len(ERROR))]
+        assert [Mode.DOWN in seen for seen in modes] == [True, False]
+
+
+def test_what_is_felt_is_the_contact(walked):
+    """The estimate against the true normal force on level ground through the same low pass."""
+    true, share = np.zeros_like(walked.normal_force), DT / (float(feeling().delay) + DT)
+    for t in range(TICKS):
+        before = true[:, t - 1] if t else 0.0
+        true[:, t] = before + (walked.normal_force[:, t] - before) * share
+    np.testing.assert_allclose(walked.felt[..., 2], true, atol=0.1)
+
+
+def test_a_swing_moves_only_its_own_foot(walked):
+    legs = np.array(SWING_LEG)
+    for lane in range(len(ERROR)):
+        for phase in np.flatnonzero(legs != SHIFT):
+            at = walked.phase[lane] == phase
+            moved = np.ptp(walked.foot[lane, at], axis=0)
+            others = [leg for leg in range(4) if leg != legs[phase]]
+            assert moved[others].max() < 0.01
+            assert moved[legs[phase], 0] > 0.05
+
+
+def test_the_bounds_of_a_swing_are_the_shell_that_the_leg_reaches(pegasus):
+    """Just within the bounds inverse kinematics has an answer with the knee bent as asked; just beyond it has not."""
+    hip = jnp.array([0.1, 0.05, 0.5])
+    place = hip[:2] + jnp.array([[0.0, 0.08], [0.2, 0.08], [-0.15, 0.12]])
+    bounds = swing_bounds(pegasus, hip, place, 0.0, 3.0)
+
+    def reach(xy, z):
+        foot = jnp.concatenate([xy, z[None]]) - hip
+        return leg_angles(pegasus.joint_axis[0], pegasus.link_offset[0], pegasus.knee_sign, foot)[1]
+
+    for k, xy in enumerate(place):
+        assert reach(xy, bounds.low[k] + 1e-3) == Reach.OK
+        assert reach(xy, bounds.low[k] - 1e-3) == Reach.TOO_FAR
+    angles = leg_angles(
+        *(pegasus.joint_axis[0], pegasus.link_offset[0], pegasus.knee_sign),
+        jnp.concatenate([place[0], bounds.high[:1]]) - hip,
+    )[0]
+    np.testing.assert_allclose(jnp.abs(angles[2]), 3.0, atol=1e-6)
