@@ -23,6 +23,8 @@ from jaxleg.search.batches import shared_out
 from jaxleg.swing.blind import Swing, blind_swings
 from jaxleg.swing.machine import Machine, Mode, Step, extended, printed
 from jaxleg.swing.profile import Profile, height, natural_spline, slope
+from jaxleg.swing.trace import blind_trace
+from jaxleg.viz.swing import SwingPicture, draw_swings
 
 ROWS = ((2, 0), (4, 0), (4, 2))  # h+, h-
 READINGS = {"calibrated": (0.4, 7.5), "literal": (1.0, 8.0)}  # amplitude, z+
@@ -69,6 +71,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     ratio = against_python(terrains(30, 4, 2, 0.4), rows)
     print(f"a blind swing is {ratio:.0f} times as fast as plain Python's (printed, calibrated, h+ 4, h- 2)")
     write("blind_swing", out, {"rows": rows, "times_python": ratio, "n": count})
+    pictures(terrains(count, 4, 2, 0.4), 7.5, (out or Path("runs") / "blind_swing") / "swings.png")
 
 
 def terrains(count: int, above: float, below: float, amplitude: float) -> np.ndarray:
@@ -134,6 +137,33 @@ def reachable(heights: np.ndarray, top: float) -> np.ndarray:
         return jnp.any(jnp.convolve(good.astype(float), jnp.ones(5), mode="valid") > 4.5)  # five points span GRID
 
     return np.asarray(look(jnp.asarray(heights)))
+
+
+def pictures(heights: np.ndarray, top: float, path: Path) -> None:
+    """The roughest calibrated row: a typical and a bad swing as printed, the extended machine there and at its own worst."""
+    machines = {"printed": printed(high=top), "extended": extended(high=top)}
+    seen: dict[str, Swing] = {name: swings(machine, len(heights))(heights) for name, machine in machines.items()}
+    adjusts = np.flatnonzero((seen["printed"].adjustments > 0) & (seen["printed"].exit == Mode.SUPPORTED))
+    fails = np.flatnonzero(seen["printed"].exit == Mode.RETURNED)
+    typical = adjusts[np.argsort(seen["printed"].length[adjusts])[len(adjusts) // 2]]
+    bad = fails[np.argmax(seen["printed"].length[fails])]
+    worst = int(np.argmax(seen["extended"].adjustments))
+    chosen = (
+        ("printed", typical, "printed, typical"),
+        ("printed", bad, "printed, longest failure"),
+        ("extended", bad, "extended, same terrain"),
+        ("extended", worst, "extended, its worst"),
+    )
+    step, x = Step(*map(jnp.asarray, STEP)), np.linspace(-0.8, 10.0, 800)
+
+    def panel(name, k, what):
+        profile, swing = natural_spline(jnp.asarray(heights[k])), seen[name]
+        how = Mode(swing.exit[k]).name.lower()
+        title = f"{what}: {how},\npath {swing.length[k]:.1f}, {swing.adjustments[k]} adjustments"
+        trace = blind_trace(machines[name], step, profile, 256)
+        return SwingPicture(title, trace, x, np.asarray(height(profile, jnp.asarray(x))), (7.0, 9.0))
+
+    draw_swings([panel(*which) for which in chosen], path)
 
 
 def show(r: dict[str, Any]) -> None:

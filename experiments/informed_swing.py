@@ -21,10 +21,12 @@ from experiments.common import timed, write
 from jaxleg.cli import configure_jax
 from jaxleg.search.batches import shared_out
 from jaxleg.swing.informed import Informed, informed_swings
-from jaxleg.swing.localmap import sampled
+from jaxleg.swing.localmap import points, sampled
 from jaxleg.swing.machine import Machine, Mode, Step, extended, printed
 from jaxleg.swing.planner import Planner, as_printed, cautious, repaired, shortest
-from jaxleg.swing.profile import natural_spline
+from jaxleg.swing.profile import height, natural_spline
+from jaxleg.swing.trace import informed_trace
+from jaxleg.viz.swing import SwingPicture, draw_swings
 
 ERRORS = (0, 1, 2, 3)  # dh
 PAPER = {0: (7.48, 0.0, 9.11), 1: (7.45, 0.5, 9.73), 2: (7.48, 1.1, 10.34), 3: (7.42, 1.4, 13.37)}
@@ -75,6 +77,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
             rows[-1]["seconds"] = timed(call, heights, lowered(heights, ERRORS[-1]), repeats=1)
             print(f"{'':48s}{count} swings in {rows[-1]['seconds']:.1f} s")
     write("informed_swing", out, {"rows": rows, "n": count})
+    pictures(terrains(count, 4, 0, 0.4), 7.5, (out or Path("runs") / "informed_swing") / "swings.png")
 
 
 def lowered(heights: np.ndarray, error: float) -> np.ndarray:
@@ -103,6 +106,34 @@ def planned(seen: Informed, ways: np.ndarray | None) -> dict[str, Any]:
         return numbers
     both = (seen.swing.exit[:ORACLE] == Mode.SUPPORTED) & np.isfinite(ways)
     return numbers | {"over_shortest": float(np.mean(seen.swing.length[:ORACLE][both]) / np.mean(ways[both]))}
+
+
+def pictures(heights: np.ndarray, top: float, path: Path) -> None:
+    """Calibrated terrains: the field and the taut string with a right map, the cautious one with a wrong map."""
+    step, x, machine = Step(*map(jnp.asarray, STEP)), np.linspace(-0.6, 10.0, 800), printed(high=top)
+    wrong, rows = lowered(heights, 3.0), len(heights)
+    field, taut = (swings(machine, planner, rows)(heights, heights) for planner in (as_printed(), shortest()))
+    careful = swings(machine, cautious(), rows)(heights, wrong)
+    stuck = np.flatnonzero(~field.at_first & (field.swing.exit == Mode.SUPPORTED))[0]
+    ordered = np.argsort(careful.swing.length)
+    worst = ordered[careful.swing.exit[ordered] == Mode.SUPPORTED][-1]
+    hits = np.flatnonzero((careful.swing.collisions == 1) & (careful.swing.exit == Mode.SUPPORTED))[0]
+    chosen = (
+        ("field as printed, stuck at first", as_printed(), field, stuck, heights),
+        ("taut string, right map", shortest(), taut, stuck, heights),
+        ("cautious, map wrong by 3, one collision", cautious(), careful, hits, wrong),
+        ("cautious, map wrong by 3, longest", cautious(), careful, worst, wrong),
+    )
+
+    def panel(what, planner, seen, k, believed):
+        profile, local = natural_spline(jnp.asarray(heights[k])), sampled(natural_spline(jnp.asarray(believed[k])), *MAP)
+        title = f"{what}:\npath {seen.swing.length[k]:.1f}"
+        drawn = informed_trace(machine, planner, step, profile, local)
+        ground = np.asarray(height(profile, jnp.asarray(x)))
+        view = None if believed is heights else (np.asarray(points(local)), np.asarray(local.ground))
+        return SwingPicture(title, drawn, x, ground, (7.0, 9.0), view)
+
+    draw_swings([panel(*which) for which in chosen], path)
 
 
 def shortest_way(knots: np.ndarray, spacing: float = 0.01) -> float:

@@ -20,7 +20,7 @@ def over_queue(
 ) -> Any:
     """The last state of `while going(state): state = advance(item, state)` from `begin(item)`, for every item.
 
-    All functions are of one item; `items` and the result have a leading axis. `advance` is called at least once an item.
+    All functions are of one item; `items` and the result have a leading axis.
     """
     count = jax.tree.leaves(items)[0].shape[0]
     lanes = min(lanes, count)
@@ -30,7 +30,7 @@ def over_queue(
 
     def proceed(carry):
         index, item, state, upcoming, results = carry
-        state = jax.vmap(advance)(item, state)
+        state = _where(jax.vmap(going)(state), jax.vmap(advance)(item, state), state)
         done = ~jax.vmap(going)(state)
         results = jax.tree.map(lambda r, s: r.at[jnp.where(done, index, count)].set(s, mode="drop"), results, state)
         index = jnp.where(done, upcoming + jnp.cumsum(done) - 1, index)

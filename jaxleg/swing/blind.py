@@ -14,6 +14,7 @@ from jaxleg.swing.arc import first_touch, length_to, period, point_at, velocity_
 from jaxleg.swing.contact import skin
 from jaxleg.swing.machine import Machine, Mode, Sensed, State, Step, begin, segment, transition
 from jaxleg.swing.profile import Profile
+from jaxleg.swing.status import StepStatus, status_on_profile
 
 SEGMENTS = 2000  # of one swing; then it has stalled
 LANES = 64  # swings under way at once
@@ -23,6 +24,7 @@ class Swing(NamedTuple):
     """How a swing went."""
 
     exit: Int[Array, ""]  # Mode.SUPPORTED, RETURNED or STALLED
+    status: Int[Array, ""]  # `StepStatus`: a step that cannot be asked for has stalled at once
     point: Float[Array, "2"]  # where it ended
     length: Float[Array, ""]  # of its path, a return included
     time: Float[Array, ""]  # at a peak speed of 1 on every segment
@@ -39,14 +41,14 @@ def blind_swing(machine: Machine, step: Step, profile: Profile) -> Swing:
     return jax.lax.while_loop(
         lambda carry: carry[0].mode < Mode.SUPPORTED,
         lambda carry: _advance(machine, lifted(step), profile, carry),
-        _begin(lifted(step)),
+        _begin(machine, lifted(step), profile),
     )[1]
 
 
 def blind_swings(machine: Machine, step: Step, profiles: Profile) -> Swing:
     """`blind_swing` of one machine and step over many profiles (a leading axis): the swings' lengths differ much."""
     return over_queue(
-        lambda _: _begin(lifted(step)),
+        lambda profile: _begin(machine, lifted(step), profile),
         lambda profile, carry: _advance(machine, lifted(step), profile, carry),
         lambda carry: carry[0].mode < Mode.SUPPORTED,
         profiles,
@@ -62,14 +64,16 @@ def lifted(step: Step) -> Step:
 Carry = tuple[State, Swing, Float[Array, "2"]]  # and the velocity at the end of the last segment
 
 
-def no_swing(step: Step) -> Swing:
-    """A swing before it has begun."""
+def no_swing(step: Step, status: Int[Array, ""]) -> Swing:
+    """A swing before it has begun; stalled where its step cannot be asked for."""
     zero, no, still = jnp.zeros((), jnp.int32), jnp.array(False), jnp.zeros((), step.start.dtype)
-    return Swing(zero, step.start, still, still, still, zero, zero, zero, no, no)
+    mode = jnp.where(status == StepStatus.OK, 0, Mode.STALLED).astype(jnp.int32)
+    return Swing(mode, status, step.start, still, still, still, zero, zero, zero, no, no)
 
 
-def _begin(step: Step) -> Carry:
-    return begin(step), no_swing(step), jnp.zeros_like(step.start)
+def _begin(machine: Machine, step: Step, profile: Profile) -> Carry:
+    swing = no_swing(step, status_on_profile(machine, step, profile))
+    return begin(step)._replace(mode=swing.exit), swing, jnp.zeros_like(step.start)
 
 
 def _advance(machine: Machine, step: Step, profile: Profile, carry: Carry) -> Carry:
@@ -87,6 +91,7 @@ def _advance(machine: Machine, step: Step, profile: Profile, carry: Carry) -> Ca
     jump = jnp.max(jnp.abs(velocity_at(arc, arc.begin) - velocity))
     swing = Swing(
         after.mode,
+        swing.status,
         point,
         swing.length + length_to(arc, share),
         swing.time + (share - arc.begin) * period(arc),

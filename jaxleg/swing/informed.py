@@ -19,6 +19,7 @@ from jaxleg.swing.machine import Machine, Mode, Sensed, State, Step, begin, segm
 from jaxleg.swing.planner import Planner, plan, predicted
 from jaxleg.swing.profile import Profile
 from jaxleg.swing.route import Route, follow, route_length
+from jaxleg.swing.status import status_on_map
 
 
 class Informed(NamedTuple):
@@ -30,7 +31,9 @@ class Informed(NamedTuple):
     at_first: Bool[Array, ""]  # the initial movement was planned
 
 
-class _Carry(NamedTuple):
+class Course(NamedTuple):
+    """An informed swing under way."""
+
     state: State
     local: LocalMap
     route: Route
@@ -41,32 +44,35 @@ def informed_swing(machine: Machine, planner: Planner, step: Step, profile: Prof
     """Swing over a terrain with a map of it, which may be wrong."""
     return jax.lax.while_loop(
         lambda carry: carry.state.mode < Mode.SUPPORTED,
-        lambda carry: _advance(machine, planner, lifted(step), profile, carry),
-        _begin(machine, planner, lifted(step), local),
+        lambda carry: informed_segment(machine, planner, lifted(step), profile, carry),
+        begin_informed(machine, planner, step, local),
     ).informed
 
 
 def informed_swings(machine: Machine, planner: Planner, step: Step, profiles: Profile, local: LocalMap) -> Informed:
     """`informed_swing` of one machine, planner and step over many profiles and their maps (a leading axis)."""
     return over_queue(
-        lambda item: _begin(machine, planner, lifted(step), item[1]),
-        lambda item, carry: _advance(machine, planner, lifted(step), item[0], carry),
+        lambda item: begin_informed(machine, planner, step, item[1]),
+        lambda item, carry: informed_segment(machine, planner, lifted(step), item[0], carry),
         lambda carry: carry.state.mode < Mode.SUPPORTED,
         (profiles, local),
         LANES,
     ).informed
 
 
-def _begin(machine, planner, step, local) -> _Carry:
+def begin_informed(machine: Machine, planner: Planner, step: Step, local: LocalMap) -> Course:
+    """An informed swing before its first segment, its first route planned."""
+    step = lifted(step)
     yes, zero = jnp.array(True), jnp.zeros((), jnp.int32)
     route = plan(machine, planner, step, local, step.start, yes)
-    state = begin(step)
-    state = state._replace(mode=jnp.where(route.found, Mode.ROUTE, Mode.INITIAL).astype(jnp.int32))
-    informed = Informed(no_swing(step), zero + 1, zero + ~route.found, route.found)
-    return _Carry(state, local, route, informed)
+    swing = no_swing(step, status_on_map(machine, step, local))
+    mode = jnp.where(swing.exit == Mode.STALLED, Mode.STALLED, jnp.where(route.found, Mode.ROUTE, Mode.INITIAL))
+    state = begin(step)._replace(mode=mode.astype(jnp.int32))
+    informed = Informed(swing, zero + 1, zero + ~route.found, route.found)
+    return Course(state, local, route, informed)
 
 
-def _advance(machine, planner, step, profile, carry: _Carry) -> _Carry:
+def informed_segment(machine: Machine, planner: Planner, step: Step, profile: Profile, carry: Course) -> Course:
     """One segment or route, the transition at its end, and a new route where cases 3 and 4 ask for one."""
     state, local, route, informed = carry
     sensed, length, time, lost, struck = _run(machine, step, profile, state, route)
@@ -90,7 +96,7 @@ def _advance(machine, planner, step, profile, carry: _Carry) -> _Carry:
         struck=swing.struck | struck,
     )
     informed = informed._replace(swing=swing, plans=informed.plans + asks, unplanned=informed.unplanned + (asks & ~route.found))
-    return _Carry(after._replace(mode=mode), local, route, informed)
+    return Course(after._replace(mode=mode), local, route, informed)
 
 
 def _run(machine, step, profile, state, route):

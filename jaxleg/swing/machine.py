@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.swing.arc import Arc
@@ -98,10 +99,19 @@ def extended(stations: int = 257, coarse_to_fine: bool = True, **changes: float)
 
 def _machine(kind, stations, changes) -> Machine:
     numbers = dict(height_share=0.3, back=0.5, allowance=1.0, dominance=1.0, low=0.0, high=7.5) | kind | changes
+    check_positive("machine", numbers, ("height_share", "back", "allowance", "limit", "dominance"))
     probing = jnp.asarray(numbers.pop("probing"))
     return Machine(
         **{k: jnp.asarray(v, float) for k, v in numbers.items()}, probing=probing, stations=jnp.asarray(stations, float)
     )
+
+
+def check_positive(what: str, numbers: dict, names: tuple[str, ...]) -> None:
+    """Refuse by name what must be positive; JAX arrays, which may be traced, pass unseen."""
+    for name in names:
+        value = numbers[name]
+        if not isinstance(value, jax.Array) and not np.all(np.asarray(value) > 0.0):
+            raise ValueError(f"{what}: {name} = {value} must be positive")
 
 
 def _uniform(count: int) -> list[float]:

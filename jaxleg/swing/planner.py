@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.swing.localmap import LocalMap, points, widened, with_block, with_felt_error, with_flat_patch, with_ramp
-from jaxleg.swing.machine import Machine, Mode, Sensed, Step
+from jaxleg.swing.machine import Machine, Mode, Sensed, Step, check_positive
 from jaxleg.swing.route import Route
 from jaxleg.swing.routing import WINDOW, View, field_as_printed, field_repaired, taut_string
 
@@ -56,6 +56,7 @@ def cautious(**changes: float) -> Planner:
 def _planner(route, kind, changes) -> Planner:
     numbers = dict(clearance=0.05, preset=0.5, preset_end=1.5, half_width=0.5, ramp=2.0, attraction=10.0, repulsion=1000.0)
     numbers |= dict(reach=1.0, margin=0.1, gentle=0.8, press=0.02) | kind | changes
+    check_positive("planner", numbers, ("clearance", "preset", "half_width", "ramp", "attraction", "repulsion", "gentle"))
     return Planner(**{k: jnp.asarray(v, float) for k, v in numbers.items()}, route=route)
 
 

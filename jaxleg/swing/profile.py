@@ -9,7 +9,10 @@ from jaxtyping import Array, Float
 
 
 class Profile(NamedTuple):
-    """Terrain height T(x): in piece k, a + b u + c u^2 + d u^3 with u = (x - x_k) / spacing in [0, 1]; constant outside."""
+    """Terrain height T(x): in piece k, a + b u + c u^2 + d u^3 with u = (x - x_k) / spacing in [0, 1]; constant outside.
+
+    Its slope must be continuous: the search for contacts is certified by bounds on its second derivative.
+    """
 
     coefficients: Float[Array, "*batch piece 4"]
     start: Float[Array, "*batch"]  # x of the first knot
@@ -27,6 +30,15 @@ def natural_spline(
     low, high = second[:-1], second[1:]
     slope = heights[1:] - heights[:-1] - (2.0 * low + high) / 6.0
     coefficients = jnp.stack([heights[:-1], slope, 0.5 * low, (high - low) / 6.0], axis=-1)
+    return Profile(coefficients, *(jnp.asarray(x, heights.dtype) for x in (start, spacing)))
+
+
+def hermite(
+    heights: Float[Array, "knot"], slopes: Float[Array, "knot"], start: Float[ArrayLike, ""], spacing: Float[ArrayLike, ""]
+) -> Profile:
+    """The profile with given heights and slopes dT/dx at equally spaced knots."""
+    rise, before, after = jnp.diff(heights), slopes[:-1] * spacing, slopes[1:] * spacing
+    coefficients = jnp.stack([heights[:-1], before, 3.0 * rise - 2.0 * before - after, before + after - 2.0 * rise], axis=-1)
     return Profile(coefficients, *(jnp.asarray(x, heights.dtype) for x in (start, spacing)))
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxleg.swing.arc import first_touch, length_to, point_at, rates
 from jaxleg.swing.blind import lifted
 from jaxleg.swing.contact import skin
-from jaxleg.swing.machine import Machine, Mode, Sensed, Step, begin, segment, transition
+from jaxleg.swing.machine import Machine, Mode, Sensed, State, Step, begin, segment, transition
 from jaxleg.swing.profile import Profile, height, slope
 
 
@@ -49,21 +49,26 @@ def replay(machine: Machine, step: Step, profile: Profile, course: Course) -> tu
 
     def follow(carry, branch):
         state, length = carry
-        state = state._replace(mode=branch.mode, station=branch.station)
-        arc = segment(machine, step, state)
-        share = jnp.where(branch.hit, _contact(arc, profile, branch.share), arc.end)
-        point = _stop(arc, share, branch.hit)
-        felt, moves = slope(profile, point[0]), branch.mode < Mode.SUPPORTED
-        after = state._replace(
-            point=point,
-            stop=jnp.where(branch.hit, point[0], state.stop),
-            slope=jnp.where(branch.hit, felt, state.slope),
-        )
-        after = jax.tree.map(lambda new, old: jnp.where(moves, new, old), after, state)
-        return (after, length + jnp.where(moves, length_to(arc, share), 0.0)), None
+        after, way = moved_on(machine, step, profile, state._replace(mode=branch.mode, station=branch.station), branch)
+        return (after, length + way), None
 
     (state, length), _ = jax.lax.scan(follow, (begin(step), jnp.zeros((), step.start.dtype)), course)
     return length, state.point
+
+
+def moved_on(machine: Machine, step: Step, profile: Profile, state: State, branch: Course) -> tuple[State, Float[Array, ""]]:
+    """The state after one branch of a course from a lifted step, without its mode, and the length of the segment."""
+    arc = segment(machine, step, state)
+    share = jnp.where(branch.hit, _contact(arc, profile, branch.share), arc.end)
+    point = _stop(arc, share, branch.hit)
+    after = state._replace(
+        point=point,
+        stop=jnp.where(branch.hit, point[0], state.stop),
+        slope=jnp.where(branch.hit, slope(profile, point[0]), state.slope),
+    )
+    moves = branch.mode < Mode.SUPPORTED
+    after = jax.tree.map(lambda new, old: jnp.where(moves, new, old), after, state)
+    return after, jnp.where(moves, length_to(arc, share), 0.0)
 
 
 def _contact(arc, profile, share):

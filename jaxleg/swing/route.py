@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.numerics import norm_safe
 from jaxleg.swing.contact import Cells, first_contact
@@ -25,6 +25,7 @@ class Stop(NamedTuple):
     hit: Bool[Array, ""]
     lost: Bool[Array, ""]
     slope: Float[Array, ""]
+    cell: Int[Array, ""]  # between which corners
 
 
 def route_length(route: Route) -> Float[Array, ""]:
@@ -51,4 +52,13 @@ def follow(route: Route, profile: Profile) -> Stop:
     end, lengths = point(found.at, found.cell), norm_safe(way)
     before = jnp.sum(jnp.where(edge[:-1] < edge[found.cell], lengths, 0.0))
     length = before + (found.at - edge[found.cell]) * lengths[found.cell]
-    return Stop(end, length, found.hit, found.lost, slope(profile, end[0]))
+    return Stop(end, length, found.hit, found.lost, slope(profile, end[0]), found.cell)
+
+
+def corners_to(route: Route, stop: Stop, count: int) -> Float[Array, "count 2"]:
+    """So many points of a route up to where the foot stopped, evenly spaced along it."""
+    index = jnp.arange(route.corner.shape[0])[:, None]
+    corner = jnp.where(index <= stop.cell, route.corner, stop.point)
+    along = jnp.concatenate([jnp.zeros(1), jnp.cumsum(norm_safe(jnp.diff(corner, axis=0)))])
+    at = jnp.linspace(0.0, 1.0, count) * along[-1]
+    return jnp.stack([jnp.interp(at, along, corner[:, 0]), jnp.interp(at, along, corner[:, 1])], axis=-1)

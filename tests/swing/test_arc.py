@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.optimize import brentq
 
 from jaxleg.swing import profile
@@ -41,6 +41,14 @@ def test_the_natural_spline_is_scipys_with_its_slope_and_bounds():
             if abs(end - start) > 2.0:
                 assert steep < 1.05 * np.abs(theirs(x, 1)).max()
                 np.testing.assert_allclose(bent, np.abs(theirs(np.arange(15), 2)).max(), rtol=1e-9)
+
+
+def test_hermite_is_scipys():
+    x, y, m = np.arange(5) * 0.5 + 2.0, *np.random.default_rng(1).normal(size=(2, 5))
+    ours, theirs = profile.hermite(jnp.asarray(y), jnp.asarray(m), 2.0, 0.5), CubicHermiteSpline(x, y, m)
+    at = np.linspace(2.0, 4.0, 101)
+    np.testing.assert_allclose(profile.height(ours, at), theirs(at), atol=1e-12)
+    np.testing.assert_allclose(profile.slope(ours, at), theirs(at, 1), atol=1e-11)
 
 
 @pytest.mark.parametrize(("begin", "end"), [(0.0, 1.0), (0.0, 0.5), (0.5, 1.0)])

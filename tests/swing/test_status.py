@@ -1,0 +1,78 @@
+"""Steps that cannot be asked for: a status a lane, and one sentence at the edge."""
+
+import dataclasses
+import re
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxleg.swing.blind import blind_swings
+from jaxleg.swing.informed import informed_swings
+from jaxleg.swing.localmap import LocalMap
+from jaxleg.swing.machine import Mode, Step, extended, printed
+from jaxleg.swing.planner import shortest
+from jaxleg.swing.profile import Profile, natural_spline
+from jaxleg.swing.status import StepStatus, check_step, status_on_map, status_on_profile
+
+STEP = Step(jnp.array([0.0, 3.0]), jnp.array([8.0, 3.0]))
+LEVEL = natural_spline(jnp.full(15, 3.0))
+MAP = LocalMap(jnp.full(201, 3.0), jnp.asarray(-0.5), jnp.asarray(0.05))
+BAD = {
+    StepStatus.START_IN_GROUND: (printed(), STEP._replace(start=jnp.array([0.0, 2.0])), "step.start = (0.0, 2.0)"),
+    StepStatus.GOAL_OFF_MAP: (printed(), STEP._replace(target=jnp.array([18.0, 3.0])), "step.target = (18.0, 3.0)"),
+    StepStatus.BOUNDS_CROSSED: (printed(low=8.0), STEP, "machine.low = 8.0 must be below machine.high = 7.5"),
+    StepStatus.NO_INTERVAL: (
+        dataclasses.replace(printed(), allowance=jnp.asarray(0.0)),
+        STEP,
+        "machine.allowance = 0.0 must be positive",
+    ),
+}
+
+
+@pytest.mark.parametrize("status", BAD)
+def test_a_bad_step_has_a_status_and_is_refused_by_name(status):
+    machine, step, sentence = BAD[status]
+    for ground, of in ((LEVEL, status_on_profile), (MAP, status_on_map)):
+        assert of(machine, step, ground) == status
+        with pytest.raises(ValueError, match=re.escape(sentence)):
+            check_step(machine, step, ground)
+
+
+def test_a_good_step_passes():
+    for ground in (LEVEL, MAP):
+        check_step(printed(), STEP, ground)
+        check_step(extended(), STEP, ground)
+
+
+def test_unseen_ground_in_the_step_is_refused_and_elsewhere_is_not():
+    for cell, status in ((100, StepStatus.UNSEEN), (0, StepStatus.OK), (200, StepStatus.OK)):
+        assert status_on_map(printed(), STEP, MAP._replace(ground=MAP.ground.at[cell].set(jnp.nan))) == status
+    hole = Profile(LEVEL.coefficients.at[4].set(jnp.nan), LEVEL.start, LEVEL.spacing)
+    assert status_on_profile(printed(), STEP, hole) == StepStatus.UNSEEN
+    with pytest.raises(ValueError, match="unseen"):
+        check_step(printed(), STEP, hole)
+
+
+def test_a_bad_lane_stalls_at_once_and_leaves_the_others_alone():
+    heights = jnp.full((3, 15), 3.0).at[1, 0].set(5.0)
+    blind = jax.jit(lambda h: blind_swings(printed(), STEP, jax.vmap(natural_spline)(h)))(heights)
+    np.testing.assert_array_equal(blind.exit, [Mode.SUPPORTED, Mode.STALLED, Mode.SUPPORTED])
+    np.testing.assert_array_equal(blind.status, [StepStatus.OK, StepStatus.START_IN_GROUND, StepStatus.OK])
+    ground = jnp.full((3, 201), 3.0).at[2, 60].set(jnp.nan)
+    maps = LocalMap(ground, jnp.full(3, -0.5), jnp.full(3, 0.05))
+    profiles = jax.vmap(natural_spline)(jnp.full((3, 15), 3.0))
+    informed = jax.jit(lambda p, m: informed_swings(printed(), shortest(), STEP, p, m))(profiles, maps)
+    np.testing.assert_array_equal(informed.swing.exit, [Mode.SUPPORTED, Mode.SUPPORTED, Mode.STALLED])
+    assert informed.swing.status[2] == StepStatus.UNSEEN
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [(printed, "height_share"), (printed, "back"), (extended, "allowance"), (shortest, "attraction"), (shortest, "repulsion")],
+)
+def test_gains_that_are_not_positive_are_refused_by_name(make, name):
+    for value in (0.0, -1.0, float("nan")):
+        with pytest.raises(ValueError, match=f"{name} = {value} must be positive"):
+            make(**{name: value})
