@@ -18,12 +18,25 @@ def over_lanes(lane: Callable[..., Any], chunk: int) -> Callable[..., Any]:
 
 
 def shared_out(batch: Callable[..., Any], chunk: int) -> Callable[..., Any]:
-    """A function over a leading axis of its arguments, its lanes shared out over all devices, `chunk` a device at a time."""
+    """A function over a leading axis of its arguments, its lanes shared out over all devices, `chunk` a device at a time.
+
+    What it is called with as `common=(...)` comes first among its arguments, whole on every device.
+    """
     devices = np.array(jax.local_devices())
     along = jax.sharding.PartitionSpec("lane")
     mesh = jax.sharding.Mesh(devices, ("lane",))
-    shared = jax.shard_map(batch, mesh=mesh, in_specs=along, out_specs=along, check_vma=False)
-    return functools.partial(in_chunks, jax.jit(shared), chunk * devices.size)
+
+    @jax.jit
+    @functools.partial(
+        jax.shard_map, mesh=mesh, in_specs=(jax.sharding.PartitionSpec(), along), out_specs=along, check_vma=False
+    )
+    def shared(common, lanes):
+        return batch(*common, *lanes)
+
+    def call(*batched: Any, common: tuple = ()) -> Any:
+        return in_chunks(lambda *lanes: shared(common, lanes), chunk * devices.size, *batched)
+
+    return call
 
 
 def in_chunks(function: Callable[..., Any], chunk: int, *batched: Any) -> Any:

@@ -54,7 +54,7 @@ class Machine:
     low: Float[Array, "*batch"]  # z-: lower bound of the map
     high: Float[Array, "*batch"]  # z+: upper bound
     probing: Bool[Array, "*batch"]  # extended: a jam or a wall met twice is answered by probing stations of En from above
-    stations: Float[Array, "station"]  # where to probe, in units of w, in this order
+    stations: Float[Array, "station"]  # where to probe, in units of w, in this order; none at inf
 
 
 class Step(NamedTuple):
@@ -210,6 +210,8 @@ def _extended(machine: Machine, state: State, sensed: Sensed, inside, steep, pro
     jammed = inside & ((state.mode == Mode.CORNER) & stuck | (state.mode == Mode.DOWN) & ~sensed.contact)
     again = ~inside & steep & (jnp.abs(sensed.point[0] - state.stop) < machine.back)
     facing_away = ~inside & steep & (sensed.slope < 0.0)  # backing off would run into the wall behind
-    lift = jnp.where(station < machine.stations.size, Mode.LIFT, Mode.STALLED)
+    upcoming = machine.stations[jnp.minimum(station, machine.stations.size - 1)]
+    left = (station < machine.stations.size) & jnp.isfinite(upcoming)
+    lift = jnp.where(left, Mode.LIFT, Mode.STALLED)
     better = jnp.where(probed | jammed | again, lift, jnp.where(facing_away, Mode.OVER, case))
     return jnp.where(machine.probing, better, case), jnp.where(machine.probing, station, state.station)

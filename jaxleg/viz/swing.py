@@ -81,3 +81,17 @@ def draw_course(x: np.ndarray, heights: dict[str, np.ndarray], walks: dict[str, 
     handles = [Line2D([], [], color=c, label=name) for name, (c, modes) in KINDS.items() if seen & set(modes)]
     legend_below(figure, [*handles, Line2D([], [], color=BLACK, ls="--", lw=1, label="what the robot was told")], 3)
     save(figure, path)
+
+
+def draw_front(values: np.ndarray, front: np.ndarray, marked: dict[str, tuple[float, float, float]], path: Path) -> None:
+    """Settings tried, each (success, path length, adjustments): success and adjustments against the path, two of them named."""
+    figure, axes = blank(3.8, 1, 2)
+    rest = np.setdiff1d(np.arange(len(values)), front)
+    for ax, row, scale, name in zip(axes, (0, 2), (100.0, 1.0), ("success [%]", "mean adjustments"), strict=True):
+        ax.plot(values[rest, 1], scale * values[rest, row], ls="", marker="o", ms=3, color=GREY, label="settings tried")
+        ax.plot(values[front, 1], scale * values[front, row], ls="", marker="o", ms=4, color=BLUE, label="not beaten by any")
+        for (what, at), colour, marker in zip(marked.items(), (RED, GREEN), ("s", "D"), strict=True):
+            ax.plot(at[1], scale * at[row], ls="", marker=marker, ms=8, color=colour, label=f"{what} (held out)")
+        label(ax, "mean path length", name)
+    legend_below(figure, axes[0].get_legend_handles_labels()[0], 4)
+    save(figure, path)
