@@ -63,11 +63,17 @@ def main(out: Path | None = None, quick: bool = False) -> None:
         for above, below in ROWS:
             heights = terrains(count, above, below, amplitude)
             possible = reachable(heights, top)
+            seen = {}
             for machine in MACHINES:
-                rows.append(row(machine.make(high=top), heights, possible))
+                content, seen[machine.name] = row(machine.make(high=top), heights, possible)
+                rows.append(content)
                 rows[-1] |= {"reading": reading, "machine": machine.name, "h_plus": above, "h_minus": below}
-                rows[-1] |= {"paper": dict(zip(("step_length", "collisions", "path_length"), PAPER[above, below]))}
+                rows[-1] |= {"paper": papers(PAPER[above, below], rows[-1])}
                 show(rows[-1])
+            coarse, left = (seen[MACHINES[k].name].adjustments.astype(float) for k in (1, 2))
+            rows[-2]["adjustments_saved_by_order"] = saved = interval(left - coarse)
+            span = np.round(saved["ci95"], 3)
+            print(f"{'':24s}coarse to fine takes {saved['mean']:.3f} {span} adjustments less than from the left")
     ratio = against_python(terrains(30, 4, 2, 0.4), rows)
     print(f"a blind swing is {ratio:.0f} times as fast as plain Python's (printed, calibrated, h+ 4, h- 2)")
     write("blind_swing", out, {"rows": rows, "times_python": ratio, "n": count})
@@ -89,15 +95,15 @@ def swings(machine: Machine, count: int) -> Any:
     )
 
 
-def row(machine: Machine, heights: np.ndarray, possible: np.ndarray) -> dict[str, Any]:
-    """Means and 95 % intervals over the terrains, and the time of all swings once compiled."""
+def row(machine: Machine, heights: np.ndarray, possible: np.ndarray) -> tuple[dict[str, Any], Swing]:
+    """Means and 95 % intervals over the terrains with the time of all swings once compiled, and the swings."""
     call = swings(machine, len(heights))
     seen: Swing = call(heights)
     seconds = timed(call, heights)
     found = seen.exit == Mode.SUPPORTED
     share = float(found[possible].mean()) if possible.any() else None
     rest = {"reachable": float(possible.mean()), "reachable_found": share}
-    return means(seen) | rest | {"seconds": seconds}
+    return means(seen) | rest | {"seconds": seconds}, seen
 
 
 def means(seen: Swing) -> dict[str, Any]:
@@ -118,9 +124,36 @@ def means(seen: Swing) -> dict[str, Any]:
 
 
 def interval(values: np.ndarray) -> dict[str, Any]:
-    """Mean with its 95 % interval (normal)."""
-    half = 1.96 * values.std(ddof=1) / np.sqrt(len(values))
-    return {"mean": float(values.mean()), "ci95": [float(values.mean() - half), float(values.mean() + half)]}
+    """Mean with its 95 % interval (normal) and the spread of single values."""
+    std = float(values.std(ddof=1))
+    mean, half = float(values.mean()), 1.96 * std / np.sqrt(len(values))
+    return {"mean": mean, "ci95": [mean - half, mean + half], "std": std}
+
+
+def papers(numbers: tuple[float, ...], ours: dict[str, Any]) -> dict[str, Any]:
+    """The paper's numbers (means of ten, successes in percent) with the 95 % interval that ten terrains leave them.
+
+    For means by the spread over our terrains, for successes Wilson's; and whether our mean lies within.
+    """
+    names = ("step_length", "collisions", "path_length", "success", "success_without_adjustment")
+    rows = {}
+    for name, number in zip(names, numbers, strict=False):
+        if name.startswith("success"):
+            low, high = wilson(number / 100.0, 10)
+            value = number / 100.0
+        else:
+            value, half = number, 1.96 * ours[name]["std"] / np.sqrt(10)
+            low, high = number - half, number + half
+        rows[name] = {"value": value, "ci95_n10": [low, high], "ours_within": bool(low <= ours[name]["mean"] <= high)}
+    return rows
+
+
+def wilson(share: float, count: int) -> tuple[float, float]:
+    """95 % interval of a share seen in so many samples (Wilson's score)."""
+    z = 1.96
+    centre, scale = share + z * z / (2 * count), 1.0 + z * z / count
+    half = z * np.sqrt(share * (1.0 - share) / count + z * z / (4 * count**2))
+    return float((centre - half) / scale), float((centre + half) / scale)
 
 
 def reachable(heights: np.ndarray, top: float) -> np.ndarray:
@@ -173,7 +206,9 @@ def show(r: dict[str, Any]) -> None:
     share = f"{100 * success['mean']:6.2f} [{100 * success['ci95'][0]:.1f}, {100 * success['ci95'][1]:.1f}]"
     found = "-" if r["reachable_found"] is None else f"{100 * r['reachable_found']:.2f}"
     name = f"{r['reading']} h+ {r['h_plus']} h- {r['h_minus']}"
+    beyond = ", ".join(k for k, p in r["paper"].items() if not p["ours_within"]) if r["reading"] == "calibrated" else ""
     rest = f"{r['collisions']['mean']:9.2f}    {share:20s}{first:6.1f}    {found}  {r['seconds']:.1f} s"
+    rest += f"  beyond the paper's n = 10: {beyond}" if beyond and r["machine"] == "printed" else ""
     print(f"{name:24s}{r['machine']:34s}{numbers}{rest}")
 
 

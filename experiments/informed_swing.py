@@ -16,7 +16,7 @@ import numpy as np
 import tyro
 from scipy.interpolate import CubicSpline
 
-from experiments.blind_swing import READINGS, STEP, means, terrains
+from experiments.blind_swing import READINGS, STEP, means, papers, terrains
 from experiments.common import timed, write
 from jaxleg.cli import configure_jax
 from jaxleg.search.batches import shared_out
@@ -68,11 +68,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
                 seen: Informed = call(heights, lowered(heights, error))
                 rows.append(means(seen.swing) | planned(seen, ways if error == 0 else None))
                 rows[-1] |= {"reading": reading, "planner": strategy.name, "machine": strategy.machine.__name__, "dh": error}
-                rows[-1] |= {
-                    "paper": dict(zip(("step_length", "collisions", "path_length"), PAPER[error])),
-                    "h_plus": 4,
-                    "h_minus": 0,
-                }
+                rows[-1] |= {"paper": papers(PAPER[error], rows[-1]), "h_plus": 4, "h_minus": 0}
                 show(rows[-1])
             rows[-1]["seconds"] = timed(call, heights, lowered(heights, ERRORS[-1]), repeats=1)
             print(f"{'':48s}{count} swings in {rows[-1]['seconds']:.1f} s")

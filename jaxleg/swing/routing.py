@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxleg.numerics import norm_safe
@@ -111,16 +112,27 @@ def _from_block(block, point):
 
 def _hull(view):
     """Each point's predecessor on the least concave curve from the beginning, and the way along it."""
-    index, z = jnp.arange(view.x.shape[0]), view.wide
-    run = view.x[None, :] - view.x[:, None]
-    before = (index[:, None] >= view.first) & (index[:, None] < index[None, :])
-    parent = jnp.argmin(jnp.where(before, (z[None, :] - z[:, None]) / jnp.where(before, run, 1.0), jnp.inf), axis=0)
+    count, z = view.x.shape[0], view.wide
+    index = jnp.arange(count)
+    inverse = _inverse_runs(count, z.dtype) / (view.x[-1] - view.x[-2])  # `first` alone stands off the grid
+    before = (index[:, None] > view.first) & (inverse > 0.0)
+    steep = jnp.where(before, (z[None, :] - z[:, None]) * inverse, jnp.inf)
+    begin = (z - z[view.first]) / jnp.where(index > view.first, view.x - view.x[view.first], 1.0)
+    least = jnp.min(steep, axis=0)
+    nearest = jnp.max(jnp.where(steep == least, index[:, None], 0), axis=0)  # argmin is several times slower here
+    parent = jnp.where(least < begin, nearest, view.first)
     edge = jnp.hypot(view.x - view.x[parent], z - z[parent])
 
     def add(length, i):
         return length.at[i].set(jnp.where(i > view.first, length[parent[i]] + edge[i], 0.0)), None
 
     return parent, jax.lax.scan(add, jnp.zeros_like(z), index)[0]
+
+
+def _inverse_runs(count: int, dtype) -> Array:
+    """1 / (j - i) for the points i before j, 0 elsewhere."""
+    run = np.arange(count)[None, :] - np.arange(count)[:, None]
+    return jnp.asarray(np.where(run > 0, 1.0 / np.maximum(run, 1), 0.0), dtype)
 
 
 def _marked(view, parent, landing):

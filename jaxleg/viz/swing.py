@@ -37,8 +37,11 @@ class SwingPicture(NamedTuple):
 def draw_swings(pictures: list[SwingPicture], path: Path) -> None:
     """Panels two by two; contacts are dots, the end interval is shaded."""
     figure, axes = blank(2.7 * ((len(pictures) + 1) // 2) + 0.8, (len(pictures) + 1) // 2, 2, sharex=True)
+    lowest = min(picture.ground.min() for picture in pictures) - 0.4
+    highest = max(points[:, 1].max() for picture in pictures for points in picture.trace.point) + 0.3
     for ax, picture in zip(axes, pictures, strict=False):
         _panel(ax, picture)
+        ax.set_ylim(lowest, highest)
     seen = {mode for picture in pictures for mode in picture.trace.mode}
     handles = [Line2D([], [], color=c, label=name) for name, (c, modes) in KINDS.items() if seen & set(modes)]
     handles.append(Line2D([], [], color=BLACK, marker="o", ls="", ms=4, label="contact"))
@@ -59,8 +62,6 @@ def _panel(ax: Axes, picture: SwingPicture) -> None:
         if hit:
             ax.plot(*points[-1], marker="o", ms=4, color=BLACK)
     ax.set_xlim(picture.x[0], picture.x[-1])
-    highest = max(points[:, 1].max() for points in picture.trace.point)
-    ax.set_ylim(picture.ground.min() - 0.5, max(highest, picture.ground.max()) + 0.4)
     ax.set_aspect("equal")
     label(ax, "x", "z", picture.title)
 

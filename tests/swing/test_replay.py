@@ -39,7 +39,12 @@ def test_forward_reverse_and_central_differences_agree():
     np.testing.assert_allclose(replayed, now.length, rtol=1e-6)
     assert np.sum(now.adjustments > 0) > 10
 
-    checked, step = 0, 1e-4
+    nudge = 1e-5 * np.eye(len(vector))
+    along = jax.jit(jax.vmap(lambda x: jax.vmap(lambda h, c: length(x, h, c))(heights, courses)))
+    held = (along(vector + nudge) - along(vector - nudge)).T / 2e-5
+    np.testing.assert_allclose(forward, held, rtol=1e-6, atol=1e-6)
+
+    checked, step = 0, 1e-4  # and the exact machine, whose contacts are good to 1e-7, as long as its branches stay
     for k, unit in enumerate(np.eye(len(vector))):
         up, down = (swings(vector + sign * step * unit, heights) for sign in (1, -1))
         fixed = np.ones(LANES, bool)
