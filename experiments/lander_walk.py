@@ -12,7 +12,6 @@ Swings that come back are flown in vain: their way counts.
 """
 
 import functools
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -116,41 +115,49 @@ def told(step: Step, ground: Profile) -> LocalMap:
 
 
 def walk(
-    name: str, strategy: Strategy, answers: bool, length: float, ground: tuple[Profile, Profile]
+    machine: str, strategy: Strategy, answers: bool, length: float, ground: tuple[Profile, Profile]
 ) -> tuple[dict[str, Any], list[Trace]]:
     """Walk a course, true and as told; the numbers, and the paths of the left front foot."""
-    planner = strategy.planner and strategy.planner()
-    swing: Callable = _informed if planner else _blind
-    feet = {leg: np.array([place, 0.0]) for leg, place in LEGS.items()}
-    total = {"swings": 0, "returns": 0, "collisions": 0, "foot_path": 0.0, "adjustments": 0, "time": 0.0}
-    body, traces, finished = 0.0, [], True
+    lander = Lander(machine, strategy.planner and strategy.planner(), ground)
+    body, finished = 0.0, True
     while body < length and finished:
-        for leg, place in LEGS.items():
-            landed = False
-            for stride, lift in attempts(answers):
-                mean = float(np.mean([foot[1] for foot in feet.values()])) + lift
-                machine = MACHINES[name](low=mean - BELOW, high=mean + ABOVE)
-                target = body + place + stride
-                step = Step(jnp.asarray(feet[leg]), jnp.asarray([target, feet[leg][1]]))
-                seen = swing(machine, step, ground, planner)
-                total["swings"] += 1
-                total["collisions"] += int(seen.collisions)
-                total["adjustments"] += int(seen.adjustments)
-                total["foot_path"] += UNIT * float(seen.length)
-                total["time"] += float(seen.time)
-                if leg == "1 LF":
-                    traces.append(traced(machine, step, ground, planner))
-                landed = int(seen.exit) == Mode.SUPPORTED
-                if landed:
-                    feet[leg] = np.asarray(seen.point)
-                    break
-                total["returns"] += 1
-            finished = finished and landed
-            if not landed:
-                break
+        finished = all(lander.place(leg, body + LEGS[leg], answers) for leg in LEGS)
         body += STRIDE if finished else 0.0
-    about = {"strategy": strategy.name, "machine": name, "tries_again": answers}
-    return about | {"finished": finished, "reached": UNIT * body} | total, traces
+    about = {"strategy": strategy.name, "machine": machine, "tries_again": answers}
+    return about | {"finished": finished, "reached": UNIT * body} | lander.tally, lander.traces
+
+
+class Lander:
+    """The feet of a walk and what it has cost so far."""
+
+    def __init__(self, machine: str, planner: Planner | None, ground: tuple[Profile, Profile]) -> None:
+        self.make, self.planner, self.ground = MACHINES[machine], planner, ground
+        self.feet = {leg: np.array([place, 0.0]) for leg, place in LEGS.items()}
+        self.tally = {"swings": 0, "returns": 0, "collisions": 0, "adjustments": 0, "foot_path": 0.0, "time": 0.0}
+        self.traces: list[Trace] = []
+
+    def place(self, leg: str, nominal: float, answers: bool) -> bool:
+        """Swing a foot to its place a step ahead of `nominal`, or to where it can; whether it found a support."""
+        for stride, lift in attempts(answers):
+            seen = self.swing(leg, nominal + stride, lift)
+            if int(seen.exit) == Mode.SUPPORTED:
+                self.feet[leg] = np.asarray(seen.point)
+                return True
+            self.tally["returns"] += 1
+        return False
+
+    def swing(self, leg: str, target: float, lift: float) -> Any:
+        """One swing under a body raised by `lift`."""
+        mean = float(np.mean([foot[1] for foot in self.feet.values()])) + lift
+        machine = self.make(low=mean - BELOW, high=mean + ABOVE)
+        step = Step(jnp.asarray(self.feet[leg]), jnp.asarray([target, self.feet[leg][1]]))
+        seen = (_informed if self.planner else _blind)(machine, step, self.ground, self.planner)
+        more = {"swings": 1, "collisions": int(seen.collisions), "adjustments": int(seen.adjustments)}
+        more |= {"foot_path": UNIT * float(seen.length), "time": UNIT * float(seen.time)}
+        self.tally |= {name: self.tally[name] + number for name, number in more.items()}
+        if leg == "1 LF":
+            self.traces.append(traced(machine, step, self.ground, self.planner))
+        return seen
 
 
 def attempts(answers: bool) -> list[tuple[float, float]]:

@@ -74,17 +74,17 @@ def test_the_shortest_way_of_the_experiment_is_dijkstras():
 
 @pytest.mark.parametrize("planner", [shortest(), repaired(), cautious()])
 def test_a_route_keeps_its_clearance(planner):
+    look = jax.jit(lambda local: [f(printed(), planner, STEP, local, ABOVE, jnp.array(True)) for f in (plan, view)])
     for knots in terrains(10, seed=2):
         local = map_of(knots)
-        route = plan(printed(), planner, STEP, local, ABOVE, jnp.array(True))
-        seen = view(printed(), planner, STEP, local, ABOVE, jnp.array(True))
+        route, seen = look(local)
         assert route.found
         np.testing.assert_array_equal(route.corner[0], ABOVE)
         corner, ground = np.asarray(route.corner[1:-1]), np.stack([points(local), local.ground], axis=-1)
         away = np.linalg.norm(corner[:, None] - ground, axis=-1)
         assert away.min() > float(planner.clearance) - 1e-9  # from the map's points; between them a little less
-        middle = [clearance_of(seen, jnp.asarray(p)) for p in 0.5 * (corner[1:] + corner[:-1])[::8]]
-        assert min(middle) > 0.5 * float(planner.clearance)
+        middle = jax.vmap(clearance_of, in_axes=(None, 0))(seen, jnp.asarray(0.5 * (corner[1:] + corner[:-1])[::8]))
+        assert np.min(middle) > 0.5 * float(planner.clearance)
         x = np.asarray(route.corner[1:-1, 0])
         assert np.all(np.diff(x) >= 0.0)
         over = (x >= 0.5) & (x <= 6.5)
