@@ -95,8 +95,8 @@ def test_a_lost_search_ends_the_swing_at_once(monkeypatch):
 
 def test_a_queue_of_swings_gives_what_each_one_alone_gives():
     heights = jnp.asarray(terrains(150, 4, 2, 1.0, seed=4))
-    alone = jax.jit(jax.vmap(lambda knots: blind_swing(extended(17), STEP, natural_spline(knots))))(heights)
-    for a, b in zip(alone, swings(extended(17), heights), strict=True):
+    alone = jax.jit(jax.vmap(lambda knots: blind_swing(extended(), STEP, natural_spline(knots))))(heights)
+    for a, b in zip(alone, swings(extended(), heights), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-9)
 
 
