@@ -57,8 +57,15 @@ class Swinging(NamedTuple):
     armed: Bool[Array, ""]  # the last contact is over, so that a new one can be felt
 
 
-def set_out(robot: Robot, feel: Feeling, foot: Float[Array, "3"], target: Float[Array, "3"], hip, time) -> Swinging:
-    """A swing from where a foot stands to where it is to land, planned to take so long [s]."""
+def set_out(
+    robot: Robot,
+    feel: Feeling,
+    foot: Float[Array, "3"],
+    target: Float[Array, "3"],
+    hip: Float[Array, "3"],
+    time: Float[Array, ""],
+) -> Swinging:
+    """A swing from where a foot stands to where it is to land, planned to take so long [s]; all places in W [m]."""
     way = target[:2] - foot[:2]
     stride = jnp.maximum(norm_safe(way), 1e-3)
     heading = way / stride
@@ -75,8 +82,16 @@ def bounded(machine: Machine, swing: Swinging) -> Machine:
     return dataclasses.replace(machine, low=swing.low, high=swing.high)
 
 
-def foot_at(machine: Machine, feel: Feeling, swing: Swinging, apex, lift_share, time, later) -> Float[Array, "3"]:
-    """Foot in W a little `later` [s]: along the planned swing or the machine's segment."""
+def foot_at(
+    machine: Machine,
+    feel: Feeling,
+    swing: Swinging,
+    apex: Float[Array, ""],
+    lift_share: Float[Array, ""],
+    time: Float[Array, ""],
+    later: Float[Array, ""],
+) -> Float[Array, "3"]:
+    """Foot in W [m] a little `later` [s]: along the planned swing (`swing_foot`, in `time` [s]) or the machine's segment."""
     planned = swing_foot(swing.origin, _target(swing), apex, jnp.minimum((swing.clock + later) / time, 1.0), lift_share)
     arc = segment(machine, swing.step, swing.state)
     share = jnp.minimum(arc.begin + (swing.clock + later) / _lasting(arc, swing), arc.end)
@@ -84,7 +99,13 @@ def foot_at(machine: Machine, feel: Feeling, swing: Swinging, apex, lift_share, 
 
 
 def feel_on(
-    machine: Machine, feel: Feeling, swing: Swinging, foot: Float[Array, "3"], force: Float[Array, "3"], time, dt
+    machine: Machine,
+    feel: Feeling,
+    swing: Swinging,
+    foot: Float[Array, "3"],
+    force: Float[Array, "3"],
+    time: Float[Array, ""],
+    dt: Float[Array, ""],
 ) -> tuple[Swinging, Bool[Array, ""]]:
     """The swing a tick later, and whether a contact was felt: the foot has got to `foot` and feels `force` [N], in W."""
     arc = segment(machine, swing.step, swing.state)

@@ -11,7 +11,7 @@ from jaxleg.swing.contact import Cells, first_contact
 from jaxleg.swing.cycloid import cycloid_advance, cycloid_lift
 from jaxleg.swing.profile import Profile, bounds_between, height, slope
 
-CELLS = 32
+CELLS = 32  # of a whole period, for the search for contacts; a multiple of 4, see `_greatest`
 NODE, WEIGHT = np.polynomial.legendre.leggauss(10)  # of the arc length, in each half of the period
 
 
@@ -86,8 +86,8 @@ def first_touch(arc: Arc, profile: Profile) -> Touch:
     return Touch(found.at, point, found.hit, found.lost, slope(profile, point[0]), found.steps)
 
 
-def rates(arc: Arc, share):
-    """dx and dz by the share of the period."""
+def rates(arc: Arc, share: Float[ArrayLike, "*n"]) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+    """dx/ds and dz/ds of (2), s the share of the period."""
     turn = 2.0 * jnp.pi * share
     return arc.stride * (1.0 - jnp.cos(turn)), arc.rise * jnp.pi * jnp.sin(turn)
 

@@ -28,7 +28,7 @@ class Swing(NamedTuple):
     point: Float[Array, "2"]  # where it ended
     length: Float[Array, ""]  # of its path, a return included
     time: Float[Array, ""]  # at a peak speed of 1 on every segment
-    jump: Float[Array, ""]  # greatest jump of velocity where a segment follows one that no contact stopped
+    jump: Float[Array, ""]  # greatest jump of a component of velocity at a segment's begin, on a peak speed of 1; 0 if informed
     adjustments: Int[Array, ""]  # carried out; the return is none
     collisions: Int[Array, ""]  # contacts that were no support
     segments: Int[Array, ""]

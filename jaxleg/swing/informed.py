@@ -73,7 +73,7 @@ def begin_informed(machine: Machine, planner: Planner, step: Step, local: LocalM
 
 
 def informed_segment(machine: Machine, planner: Planner, step: Step, profile: Profile, carry: Course) -> Course:
-    """One segment or route, the transition at its end, and a new route where cases 3 and 4 ask for one."""
+    """One segment or route of a `lifted` step, the transition at its end, and a new route where cases 3 and 4 ask for one."""
     state, local, route, informed = carry
     sensed, length, time, lost, struck = _run(machine, step, profile, state, route)
     after = transition(machine, step, state, sensed)

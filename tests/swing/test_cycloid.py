@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.swing.cycloid import swing_foot
+from jaxleg.swing.cycloid import cycloid_advance, cycloid_share, swing_foot
 
 START, END = jnp.array([0.1, 0.2, 0.0]), jnp.array([0.4, 0.25, 0.0])
 
@@ -36,3 +36,9 @@ def test_swings_start_and_end_at_rest_and_top_out_above_the_higher_end(lift, ris
 def test_a_lift_share_goes_straight_up_first():
     np.testing.assert_allclose(at(0.15, 0.2)[:2], START[:2], atol=1e-12)
     assert at(0.15, 0.2)[2] > 0.01
+
+
+def test_the_share_of_an_advance_is_its_inverse():
+    share = np.linspace(0.0, 1.0, 41)
+    np.testing.assert_allclose(cycloid_advance(cycloid_share(cycloid_advance(share))), cycloid_advance(share), atol=1e-6)
+    np.testing.assert_allclose(cycloid_share(0.5), 0.5, atol=1e-6)

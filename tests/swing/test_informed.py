@@ -179,6 +179,14 @@ def test_unseen_ground_gives_no_route():
         assert not route.found
 
 
+def test_no_route_leads_over_ground_above_the_map():
+    local = map_of(jnp.full(15, 3.0))
+    wall = local._replace(ground=local.ground.at[90:94].set(9.0))
+    for planner in (shortest(), repaired()):
+        assert not plan(printed(), planner, STEP, wall, ABOVE, jnp.array(True)).found
+        assert plan(printed(high=12.0), planner, STEP, wall, ABOVE, jnp.array(True)).found
+
+
 def test_following_a_route_stops_at_the_first_contact():
     spline = natural_spline(terrains(1, seed=4)[0])
     corner = jnp.array([[0.0, 3.001], [0.0, 6.0], [4.0, 6.0], [4.0, 0.0], [5.0, 0.0]])
