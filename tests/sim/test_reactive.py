@@ -100,3 +100,10 @@ def test_the_bounds_of_a_swing_are_the_shell_that_the_leg_reaches(pegasus):
         jnp.concatenate([place[0], bounds.high[:1]]) - hip,
     )[0]
     np.testing.assert_allclose(jnp.abs(angles[2]), 3.0, atol=1e-6)
+
+
+def test_the_trunk_follows_the_feet(walked):
+    """Where the map has the ground too high the plan lifts the trunk; the feet, felt lower, take it down again."""
+    swung = walked.phase[0] == 3  # the shift after the first front foot has landed 3 cm under its plan
+    assert np.ptp(walked.trunk[0, swung, 2]) > 0.015
+    assert walked.trunk[0, swung, 2][-1] < walked.trunk[0, swung, 2][0]

@@ -196,3 +196,18 @@ def test_following_a_route_stops_at_the_first_contact():
     np.testing.assert_allclose(stop.point, [4.0, ground], atol=1e-6)
     np.testing.assert_allclose(stop.length, 2.999 + 4.0 + 6.0 - ground, atol=1e-6)
     np.testing.assert_allclose(route_length(Route(corner, jnp.array(True))), 2.999 + 4.0 + 6.0 + 1.0)
+
+
+def test_a_long_straight_does_not_tunnel_through_a_bump():
+    """Straights much longer than the terrain's bumps, against dense sampling."""
+    x, stopped = np.linspace(0.0, 9.0, 90_001), 0
+    for knots in terrains(12, seed=9):
+        spline = natural_spline(knots)
+        ground = np.asarray(height(spline, jnp.asarray(x)))
+        stop = follow(Route(jnp.array([[0.0, 4.4], [9.0, 4.4]]), jnp.array(True)), spline)
+        below = np.flatnonzero(ground > 4.4)
+        assert bool(stop.hit) == bool(below.size)
+        if below.size:
+            np.testing.assert_allclose(stop.point[0], x[below[0]], atol=2e-4)
+            stopped += 1
+    assert 3 < stopped
