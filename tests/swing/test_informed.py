@@ -210,4 +210,4 @@ def test_a_long_straight_does_not_tunnel_through_a_bump():
         if below.size:
             np.testing.assert_allclose(stop.point[0], x[below[0]], atol=2e-4)
             stopped += 1
-    assert 3 < stopped
+    assert stopped > 3
