@@ -49,13 +49,13 @@ class PlanStatus(enum.IntEnum):
 class Phases(NamedTuple):
     """The phases of a walk, six a cycle: shift, hind swing, front swing for the right side, then for the left.
 
-    Trunk poses are (x, y, z, pitch): B's origin in W [m] and nose-up pitch [rad].
+    Trunk poses are (x, y, z, pitch, roll, yaw): B's origin in W [m] and its turn [rad], see `posture.trunk_rotation`.
     """
 
     start: Float[Array, "phase"]  # time at which the phase begins [s]
     duration: Float[Array, "phase"]  # [s]
-    trunk_from: Float[Array, "phase 4"]
-    trunk_to: Float[Array, "phase 4"]
+    trunk_from: Float[Array, "phase 6"]
+    trunk_to: Float[Array, "phase 6"]
     feet_from: Float[Array, "phase leg 3"]  # foot centres in W [m]
     feet_to: Float[Array, "phase leg 3"]
     apex: Float[Array, "phase leg"]  # swing apex above the higher end [m], 0 for standing legs
@@ -68,7 +68,7 @@ class Walk(NamedTuple):
     params: GaitParams
     footholds: Float[Array, "stance leg 3"]  # foot centres in W; stance 0 is where the walk begins
     foothold_status: Int[Array, "stance leg"]
-    waypoints: Float[Array, "waypoint 4"]  # trunk pose before the first shift and after each
+    waypoints: Float[Array, "waypoint 6"]  # trunk pose before the first shift and after each
     cycle_time: Float[Array, "cycle"]  # [s]
     lowering: Float[Array, ""]  # how far the trunk was lowered below H_COG to fit the legs (A17) [m]
     phases: Phases

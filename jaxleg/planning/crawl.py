@@ -52,7 +52,7 @@ def crawl(
     cycle_time = jnp.full(cycles, 1.0, advance.dtype) * advance / settings.speed
     phases = _phases(params, terrain, robot, settings, poses, feet_from, feet_to, cycle_time)
     lowering = _lowering(robot, params, settings, phases)
-    down = jnp.array([0.0, 0.0, -1.0, 0.0], lowering.dtype) * lowering
+    down = jnp.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0], lowering.dtype) * lowering
     phases = phases._replace(trunk_from=phases.trunk_from + down, trunk_to=phases.trunk_to + down)
     return Walk(params, footholds, status, poses + down, cycle_time, lowering, phases)
 

@@ -1,6 +1,7 @@
 """Trunk poses: way-points from the support triangles, pitch with the ground, lowering to what the legs reach.
 
-Paper A, IV.C (readings A12, A16, A17). A trunk pose is (x, y, z, pitch): B's origin in W [m], nose-up pitch [rad].
+Paper A, IV.C (readings A12, A16, A17). A trunk pose is (x, y, z, pitch, roll, yaw): B's origin in W [m], its turn [rad].
+Paper A's crawl only pitches.
 """
 
 import dataclasses
@@ -22,20 +23,41 @@ from jaxleg.robot import Robot
 CogRule = Literal["overlap", "median"]
 
 
-def trunk_rotation(pitch: Float[Array, ""]) -> Float[Array, "3 3"]:
-    """Rotation B -> W of a nose-up pitch [rad] (about -y)."""
-    c, s = jnp.cos(pitch), jnp.sin(pitch)
-    zero, one = jnp.zeros_like(c), jnp.ones_like(c)
-    return jnp.stack([c, zero, -s, zero, one, zero, s, zero, c]).reshape(3, 3)
+def trunk_rotation(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    """Rotation B -> W of a turn (pitch, roll, yaw) [rad]: roll to the right about x, then nose-up pitch about -y, then yaw
+    to the left about z (paper C, 3.1: yaw, and roll and pitch with the ground)."""
+    (cp, cr, cy), (sp, sr, sy) = jnp.cos(turn), jnp.sin(turn)
+    ahead, aside, up = (cp, -sp * sr, -sp * cr), (0.0, cr, -sr), (sp, cp * sr, cp * cr)
+    first = [cy * a - sy * b for a, b in zip(ahead, aside)]
+    second = [sy * a + cy * b for a, b in zip(ahead, aside)]
+    return jnp.stack([*first, *second, *up]).reshape(3, 3)
 
 
-def feet_in_trunk(pose: Float[Array, "4"], feet: Float[Array, "leg 3"]) -> Float[Array, "leg 3"]:
+def trunk_quaternion(turn: Float[Array, "3"]) -> Float[Array, "4"]:
+    """Unit quaternion (w, x, y, z) of `trunk_rotation`."""
+    (cp, cr, cy), (sp, sr, sy) = jnp.cos(0.5 * turn), jnp.sin(0.5 * turn)
+    return jnp.stack(
+        [
+            *(cy * cp * cr - sy * sp * sr, cy * cp * sr + sy * sp * cr),
+            *(sy * cp * sr - cy * sp * cr, sy * cp * cr + cy * sp * sr),
+        ]
+    )
+
+
+def trunk_spin(turn: Float[Array, "3"], rate: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Angular velocity in B [rad/s] of a turn (pitch, roll, yaw) that changes at `rate` [rad/s]."""
+    (cp, cr), (sp, sr) = jnp.cos(turn[:2]), jnp.sin(turn[:2])
+    pitch, roll, yaw = rate[0], rate[1], rate[2]
+    return jnp.stack([roll + yaw * sp, yaw * cp * sr - pitch * cr, yaw * cp * cr + pitch * sr])
+
+
+def feet_in_trunk(pose: Float[Array, "6"], feet: Float[Array, "leg 3"]) -> Float[Array, "leg 3"]:
     """Feet [m] relative to B's origin, in B."""
-    return matvec(jnp.swapaxes(trunk_rotation(pose[3]), 0, 1), feet - pose[:3])
+    return matvec(jnp.swapaxes(trunk_rotation(pose[3:]), 0, 1), feet - pose[:3])
 
 
 def joint_angles(
-    robot: Robot, pose: Float[Array, "4"], feet: Float[Array, "leg 3"]
+    robot: Robot, pose: Float[Array, "6"], feet: Float[Array, "leg 3"]
 ) -> tuple[Float[Array, "leg joint"], jax.Array]:
     """Inverse kinematics of the four legs at a trunk pose, with a `Reach` status a leg."""
     inverse = jax.vmap(leg_angles, in_axes=(0, 0, None, 0))
@@ -43,10 +65,10 @@ def joint_angles(
     return inverse(robot.joint_axis, robot.link_offset, robot.knee_sign, relative)
 
 
-def com_offset(robot: Robot, pose: Float[Array, "4"], feet: Float[Array, "leg 3"]) -> Float[Array, "3"]:
+def com_offset(robot: Robot, pose: Float[Array, "6"], feet: Float[Array, "leg 3"]) -> Float[Array, "3"]:
     """Centre of mass, legs included, relative to B's origin, axes of W [m]."""
     angles, _ = joint_angles(robot, pose, feet)
-    return matvec(trunk_rotation(pose[3]), centre_of_mass(robot, all_leg_frames(robot, angles)))
+    return matvec(trunk_rotation(pose[3:]), centre_of_mass(robot, all_leg_frames(robot, angles)))
 
 
 @jax.tree_util.register_dataclass
@@ -67,7 +89,7 @@ def waypoint(
     after: Float[Array, "leg 3"],
     standing: Int[Array, "2"],
     swinging: Int[Array, "2"],
-) -> Float[Array, "4"]:
+) -> Float[Array, "6"]:
     """Trunk pose in which a side's two swings happen (paper A, IV.C; reading A12).
 
     `before`, `after` are the feet before and after the two swings; `standing`, `swinging` the (front, hind) legs. Across, the
@@ -82,7 +104,8 @@ def waypoint(
     feet = 0.5 * (before + after)
     pitch = _ground_pitch(feet)
     height = jnp.mean(feet[:, 2]) + params.hip_height
-    pose = jnp.stack([centre[0] - params.foot_offset, centre[1], height, pitch])
+    level = jnp.zeros_like(pitch)
+    pose = jnp.stack([centre[0] - params.foot_offset, centre[1], height, pitch, level, level])
 
     def centred(_, pose):
         return pose.at[1].set(centre[1] - com_offset(robot, pose, feet)[1])
@@ -108,7 +131,7 @@ def _ground_pitch(feet: Float[Array, "leg 3"]) -> Float[Array, ""]:
 
 
 def lowering_needed(
-    robot: Robot, pose: Float[Array, "4"], feet: Float[Array, "leg 3"], bend: Float[ArrayLike, ""]
+    robot: Robot, pose: Float[Array, "6"], feet: Float[Array, "leg 3"], bend: Float[ArrayLike, ""]
 ) -> tuple[Float[Array, "leg"], Float[Array, "leg"]]:
     """How far the trunk must come down [m] so that each leg keeps at least the knee bend [rad] (A17), else 0.
 
@@ -116,7 +139,7 @@ def lowering_needed(
     fore-aft and a lateral part, no vertical one). The second value is its
     discriminant [m^2]; negative means that no lowering helps.
     """
-    rotation = trunk_rotation(pose[3])
+    rotation = trunk_rotation(pose[3:])
     link = robot.link_offset[:, 0]
     lateral = jnp.sum(robot.link_offset[..., 1], axis=-1)
     ahead = jnp.stack([link[:, 0], jnp.zeros_like(lateral), jnp.zeros_like(lateral)], axis=-1)

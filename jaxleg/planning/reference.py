@@ -16,19 +16,19 @@ from jaxleg.kinematics import joint_rates, knee_bend
 from jaxleg.numerics import cross, dot, matvec
 from jaxleg.plan import Phases, Reference, Walk
 from jaxleg.planning.crawl import CrawlSettings
-from jaxleg.planning.posture import joint_angles, trunk_rotation
+from jaxleg.planning.posture import joint_angles, trunk_quaternion, trunk_rotation, trunk_spin
 from jaxleg.planning.trajectory import foot_path, load_weight, trunk_path
 from jaxleg.robot import Robot
 
 
 class Pose(NamedTuple):
-    """Trunk (x, y, z, pitch) and feet in W, with their first and second time derivatives."""
+    """Trunk (x, y, z, pitch, roll, yaw) and feet in W, with their first and second time derivatives."""
 
-    trunk: Float[Array, "4"]
+    trunk: Float[Array, "6"]
     feet: Float[Array, "leg 3"]
-    trunk_rate: Float[Array, "4"]
+    trunk_rate: Float[Array, "6"]
     feet_rate: Float[Array, "leg 3"]
-    trunk_acceleration: Float[Array, "4"]
+    trunk_acceleration: Float[Array, "6"]
     feet_acceleration: Float[Array, "leg 3"]
 
 
@@ -39,8 +39,8 @@ class Instant(NamedTuple):
     velocity: Float[Array, "leg joint"]
     acceleration: Float[Array, "leg joint"]
     torque: Float[Array, "leg joint"]
-    pose: Float[Array, "4"]  # trunk (x, y, z, pitch)
-    pose_rate: Float[Array, "4"]
+    pose: Float[Array, "6"]  # trunk (x, y, z, pitch, roll, yaw)
+    pose_rate: Float[Array, "6"]
     feet: Float[Array, "leg 3"]  # in W
     weight: Float[Array, "leg"]
     load: Float[Array, "leg"]  # vertical contact force over its weight's share of the load [N]; negative would pull
@@ -76,7 +76,7 @@ def instant_of(robot: Robot, at: Pose, weight: Float[Array, "leg"]) -> Instant:
     spin, spin_rate, felt = _trunk_motion(at.trunk, at.trunk_rate, at.trunk_acceleration)
     angles, reach = joint_angles(robot, at.trunk, at.feet)
     frames = all_leg_frames(robot, angles)
-    to_trunk = jnp.swapaxes(trunk_rotation(at.trunk[3]), 0, 1)
+    to_trunk = jnp.swapaxes(trunk_rotation(at.trunk[3:]), 0, 1)
     arm = robot.hip_position + frames.foot
     foot_v = matvec(to_trunk, at.feet_rate - at.trunk_rate[:3]) - cross(jnp.broadcast_to(spin, arm.shape), arm)
     foot_a = matvec(to_trunk, at.feet_acceleration - at.trunk_acceleration[:3])
@@ -86,7 +86,7 @@ def instant_of(robot: Robot, at: Pose, weight: Float[Array, "leg"]) -> Instant:
         robot, frames, Motion(velocity, acceleration, spin, spin_rate, felt), weight, to_trunk[:, 2]
     )
     load = dot(force, to_trunk[:, 2]) / jnp.maximum(weight, 1e-3)
-    com = at.trunk[:3] + matvec(trunk_rotation(at.trunk[3]), centre_of_mass(robot, frames))
+    com = at.trunk[:3] + matvec(trunk_rotation(at.trunk[3:]), centre_of_mass(robot, frames))
     bend = jax.vmap(knee_bend)(robot.link_offset, angles)
     return Instant(
         *(angles, velocity, acceleration, torque, at.trunk, at.trunk_rate, at.feet),
@@ -100,12 +100,10 @@ def _moving_frame(spin, spin_rate, arm, velocity):
 
 
 def _trunk_motion(pose, rate, acceleration):
-    """Angular velocity and acceleration, and linear acceleration less gravity, in B: the trunk only pitches (about -y)."""
-    zero = jnp.zeros_like(pose[3])
-    spin = jnp.stack([zero, -rate[3], zero])
-    spin_rate = jnp.stack([zero, -acceleration[3], zero])
+    """Angular velocity and acceleration, and linear acceleration less gravity, in B."""
+    spin, spin_rate = jax.jvp(trunk_spin, (pose[3:], rate[3:]), (rate[3:], acceleration[3:]))
     felt = acceleration[:3] + GRAVITY * jnp.array([0.0, 0.0, 1.0], pose.dtype)
-    return spin, spin_rate, matvec(jnp.swapaxes(trunk_rotation(pose[3]), 0, 1), felt)
+    return spin, spin_rate, matvec(jnp.swapaxes(trunk_rotation(pose[3:]), 0, 1), felt)
 
 
 def reference(robot: Robot, walk: Walk, settings: CrawlSettings, samples: tuple[int, int]) -> Reference:
@@ -141,9 +139,7 @@ def samples_per_cycle(samples: tuple[int, int]) -> int:
 
 def to_reference(time: Float[Array, "t"], at: Instant) -> Reference:
     """The part of the instants that controllers and simulators follow."""
-    zero = jnp.zeros_like(at.pose[:, 3])
-    half = 0.5 * at.pose[:, 3]
-    quaternion = jnp.stack([jnp.cos(half), zero, -jnp.sin(half), zero], axis=-1)
-    spin = jnp.stack([zero, -at.pose_rate[:, 3], zero], axis=-1)
+    turn, rate = at.pose[:, 3:], at.pose_rate[:, 3:]
+    quaternion, spin = jax.vmap(trunk_quaternion)(turn), jax.vmap(trunk_spin)(turn, rate)
     velocity = jnp.concatenate([at.pose_rate[:, :3], spin], axis=-1)
     return Reference(*(time, at.angles, at.velocity, at.torque, at.pose[:, :3], quaternion, velocity, at.feet, at.weight))

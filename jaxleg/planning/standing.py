@@ -42,7 +42,7 @@ def up_down(
     feet = on_ground(robot, terrain, robot.hip_position[:, :2] + jnp.stack([robot.link_offset[:, 0, 0], lateral], axis=1))
     ground = jnp.mean(feet[:, 2])
     ends = jnp.tile(jnp.array([low, high], feet.dtype), PHASES // 2 + 1)[: PHASES + 1]
-    poses = jnp.zeros((PHASES + 1, 4), feet.dtype).at[:, 2].set(ground + ends - jnp.mean(robot.hip_position[:, 2]))
+    poses = jnp.zeros((PHASES + 1, 6), feet.dtype).at[:, 2].set(ground + ends - jnp.mean(robot.hip_position[:, 2]))
     duration = jnp.full(PHASES, 1.0, feet.dtype) * seconds
     there, none = jnp.broadcast_to(feet, (PHASES, 4, 3)), jnp.zeros((PHASES, 4), feet.dtype)
     phases = Phases(jnp.cumsum(duration) - duration, duration, poses[:-1], poses[1:], there, there, none, none)

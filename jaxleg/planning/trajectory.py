@@ -10,7 +10,7 @@ from jaxleg.plan import Phases
 from jaxleg.swing.cycloid import swing_foot
 
 
-def trunk_path(phase: Phases, share: Float[ArrayLike, ""]) -> Float[Array, "4"]:
+def trunk_path(phase: Phases, share: Float[ArrayLike, ""]) -> Float[Array, "6"]:
     """Trunk pose (x, y, z, pitch) at a share of one phase: rest to rest with minimum jerk."""
     return phase.trunk_from + (phase.trunk_to - phase.trunk_from) * smoothstep(share)
 

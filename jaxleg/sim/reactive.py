@@ -134,7 +134,7 @@ def _command(orders: _Orders, gait: _Gait, dt):
         share = jnp.minimum((gait.clock + later) / phase.duration, 1.0)  # the trunk only moves in shifts
         rise = gait.raised[0] + (gait.raised[1] - gait.raised[0]) * smoothstep(share)
         rise = jnp.where(swings | (gait.phase >= walk.phases.start.shape[0]), gait.raised[1], rise)
-        trunk = trunk_path(phase, share) + jnp.array([0.0, 0.0, 1.0, 0.0], rise.dtype) * rise
+        trunk = trunk_path(phase, share) + jnp.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], rise.dtype) * rise
         foot = _foot(orders, gait, phase, leg, later)
         return trunk, jnp.where(moving, gait.held.at[leg].set(foot), gait.held)
 
