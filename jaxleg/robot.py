@@ -41,6 +41,8 @@ class Robot:
     velocity_gain: Float[Array, "*batch leg joint"]  # kd [N m s/rad]
     foot_radius: Float[Array, "*batch"]  # disc that the foot needs on the ground [m]
     contact_radius: Float[Array, "*batch"]  # the foot touches as a sphere of this radius about the end of the shank [m]
+    leg_radius: Float[Array, "*batch"]  # of the capsules round thigh and shank that must not touch the ground [m]
+    joint_range: Float[Array, "*batch leg joint 2"]  # least and greatest joint angle [rad]
     trunk_size: Float[Array, "*batch xyz"]  # length, width, height of the trunk's box about B's origin [m]
     torque_constant: Float[Array, "*batch"]  # K_t of the motor [N m/A]
     resistance: Float[Array, "*batch"]  # R of a winding [Ohm]
@@ -65,6 +67,10 @@ class Geometry:
     foot_radius: float = setting(above=0.0, max=0.1)
     contact_radius: float = setting(above=0.0, max=0.1)
     trunk_size: tuple[float, float, float] = setting()
+    leg_radius: float = setting(0.02, above=0.0, max=0.1)
+    hip_range_deg: tuple[float, float] = setting((-180.0, 180.0), min=-180.0, max=180.0)
+    thigh_range_deg: tuple[float, float] = setting((-180.0, 180.0), min=-180.0, max=180.0)
+    knee_range_deg: tuple[float, float] = setting((-180.0, 180.0), min=-180.0, max=180.0)
     knees: str = setting("backward", choices=("backward", "forward"))
 
 
@@ -129,6 +135,7 @@ def build_robot(file: RobotFile) -> Robot:
     link_mass = np.broadcast_to([masses.hip, masses.thigh, masses.shank], (4, 3))
     trunk_mass = masses.total - link_mass.sum()
     joints = np.ones((4, 3))
+    ranges = np.deg2rad([geometry.hip_range_deg, geometry.thigh_range_deg, geometry.knee_range_deg])
     fields = dict(
         hip_position=hips,
         joint_axis=axes,
@@ -146,6 +153,8 @@ def build_robot(file: RobotFile) -> Robot:
         velocity_gain=joints * motor.velocity_gain,
         foot_radius=geometry.foot_radius,
         contact_radius=geometry.contact_radius,
+        leg_radius=geometry.leg_radius,
+        joint_range=np.broadcast_to(ranges, (4, 3, 2)),
         trunk_size=geometry.trunk_size,
         torque_constant=motor.torque_constant,
         resistance=motor.resistance,
