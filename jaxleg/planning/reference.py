@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from jaxleg.conventions import GRAVITY
 from jaxleg.dynamics import Motion, all_leg_frames, centre_of_mass, torques_on_ground
-from jaxleg.gait import PHASES, SHIFT, SWING_LEG
+from jaxleg.gait import SHIFT, SWING_LEG
 from jaxleg.kinematics import joint_rates, knee_bend
 from jaxleg.numerics import cross, dot, matvec
 from jaxleg.plan import Phases, Reference, Walk
@@ -50,15 +50,25 @@ class Instant(NamedTuple):
 
 
 def instant(robot: Robot, walk: Walk, settings: CrawlSettings, phase: Phases, share: Float[ArrayLike, ""]) -> Instant:
+    """The reference at a share of one phase of a crawl, as `phase_instant`."""
+    return phase_instant(robot, phase, share, walk.params.lift_share, settings.load_share)
+
+
+def phase_instant(
+    robot: Robot,
+    phase: Phases,
+    share: Float[ArrayLike, ""],
+    lift_share: Float[ArrayLike, ""],
+    load_share: Float[ArrayLike, ""],
+) -> Instant:
     """The reference at a share of one phase, with exact time derivatives: of trunk and feet by forward differentiation,
-    of the joints through the legs' Jacobians."""
+    of the joints through the legs' Jacobians. Shares as in `trajectory.foot_path`."""
 
     def at(time):
         now = share + time / phase.duration
-        return trunk_path(phase, now), foot_path(phase, now, walk.params.lift_share, settings.load_share)
+        return trunk_path(phase, now), foot_path(phase, now, lift_share, load_share)
 
-    weight = load_weight(phase, share, settings.load_share)
-    return instant_of(robot, pose_at(at, jnp.zeros((), walk.footholds.dtype)), weight)
+    return instant_of(robot, pose_at(at, jnp.zeros((), phase.duration.dtype)), load_weight(phase, share, load_share))
 
 
 def pose_at(path: Callable[[Array], tuple[Array, Array]], time: Float[Array, ""]) -> Pose:
@@ -117,17 +127,29 @@ def reference(robot: Robot, walk: Walk, settings: CrawlSettings, samples: tuple[
 
 def instants(robot: Robot, walk: Walk, settings: CrawlSettings, samples: tuple[int, int]) -> tuple[Float[Array, "t"], Instant]:
     """Times [s] of the samples of `reference`, and everything about the plan at them."""
-    phase, share = phase_samples(samples, walk.cycle_time.shape[0])
-    phases = jax.tree.map(lambda x: x[phase], walk.phases)
-    share = jnp.asarray(share, walk.cycle_time.dtype)
-    at = jax.vmap(lambda p, s: instant(robot, walk, settings, p, s))(phases, share)
+    legs = SWING_LEG * walk.cycle_time.shape[0]
+    return phase_instants(robot, walk.phases, legs, walk.params.lift_share, settings.load_share, samples)
+
+
+def phase_instants(
+    robot: Robot,
+    phases: Phases,
+    legs: tuple[int, ...],
+    lift_share: Float[ArrayLike, ""],
+    load_share: Float[ArrayLike, ""],
+    samples: tuple[int, int],
+) -> tuple[Float[Array, "t"], Instant]:
+    """Times [s] and instants of any phases, `legs` their swinging leg or `SHIFT`; so many samples a shift and a swing."""
+    phase, share = phase_samples(samples, legs)
+    phases, share = jax.tree.map(lambda x: x[phase], phases), jnp.asarray(share, phases.start.dtype)
+    at = jax.vmap(lambda p, s: phase_instant(robot, p, s, lift_share, load_share))(phases, share)
     return phases.start + share * phases.duration, at
 
 
-def phase_samples(samples: tuple[int, int], cycles: int) -> tuple[np.ndarray, np.ndarray]:
-    """Phase index and share of every sample of `reference`."""
-    counts = [samples[0] if leg == SHIFT else samples[1] for leg in SWING_LEG * cycles]
-    phase = np.repeat(np.arange(PHASES * cycles), counts)
+def phase_samples(samples: tuple[int, int], legs: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Phase index and share of every sample of `phase_instants`."""
+    counts = [samples[0] if leg == SHIFT else samples[1] for leg in legs]
+    phase = np.repeat(np.arange(len(legs)), counts)
     share = np.concatenate([np.arange(count) / count for count in counts])
     return np.append(phase, phase[-1]), np.append(share, 1.0)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from jaxleg.energy import CONVENTIONS, electrical, motor_power
+from jaxleg.gait import SWING_LEG
 from jaxleg.kinematics import foot_position
 from jaxleg.planning.proxy import evaluate
 from jaxleg.planning.reference import instant, phase_samples, reference
@@ -49,7 +50,7 @@ def test_velocities_are_the_derivatives_of_the_angles(planned, pegasus):
 def test_standing_torques_hold_the_weight(planned, pegasus):
     """Between the phases nothing moves: the ground carries the weight, so J^T f of the feet balances gravity."""
     walk, track = planned
-    phase, share = phase_samples(SAMPLES, 2)
+    phase, share = phase_samples(SAMPLES, SWING_LEG * 2)
     rest = np.flatnonzero((share == 0.0) & (phase > 0))[0]
     assert np.abs(track.joint_vel[rest]).max() < 1e-9
     light = dataclasses.replace(pegasus, link_mass=pegasus.link_mass * 1e-9, link_inertia=pegasus.link_inertia * 1e-9)
@@ -60,7 +61,7 @@ def test_standing_torques_hold_the_weight(planned, pegasus):
 
 def test_the_samples_are_those_of_the_phases(planned):
     walk, track = planned
-    phase, _ = phase_samples(SAMPLES, 2)
+    phase, _ = phase_samples(SAMPLES, SWING_LEG * 2)
     assert track.time.shape == (2 * (2 * 60 + 4 * 50) + 1,)
     assert np.all(np.diff(track.time) > 0)
     np.testing.assert_allclose(track.time[-1], jnp.sum(walk.cycle_time))

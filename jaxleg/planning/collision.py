@@ -1,0 +1,82 @@
+"""Collisions of legs and trunk with the ground. Paper C, 3.2 (C12).
+
+Legs are capsules round thigh and shank, the trunk is a box; the ground is the height map as columns, one a cell. Both are
+tested at points, each against the highest column within the distance that the points leave untested: `Obstacles` holds the
+map widened by that much. So a clearance is never greater than the true one but for the points' spacing along a capsule. The
+shank's lower end is left out: there it stands on the ground.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxleg.dynamics import all_leg_frames
+from jaxleg.numerics import matvec
+from jaxleg.planning.posture import trunk_rotation
+from jaxleg.robot import Robot
+from jaxleg.terrain.features import disc, over_disc
+from jaxleg.terrain.heightmap import HeightMap, nearest_height
+
+THIGH = (0.5, 1.0)  # places of the tested points along the thigh ...
+SHANK = (0.2, 0.4, 0.6, 0.75)  # ... and along the shank, from the knee
+TRUNK = (5, 3)  # points along and across the trunk's lower face
+
+
+class Obstacles(NamedTuple):
+    """The ground widened by a leg's radius, and by half the spacing of the trunk's points; unseen cells are -inf: no obstacle."""
+
+    leg: HeightMap
+    trunk: HeightMap
+
+
+def obstacles(terrain: HeightMap, resolution: float, leg_radius: float, trunk_spacing: float) -> Obstacles:
+    """Widen a map; lengths [m] and the map's `resolution` are static. Half a cell's diagonal is added: columns are square."""
+    corner = resolution / np.sqrt(2.0)
+
+    def widened(radius: float) -> HeightMap:
+        seen = jnp.where(jnp.isfinite(terrain.elevation), terrain.elevation, -jnp.inf)
+        high = over_disc(seen, -jnp.inf, jax.lax.max, disc(radius + corner, resolution))
+        return HeightMap(high, terrain.origin, terrain.resolution)
+
+    return Obstacles(widened(leg_radius), widened(trunk_spacing / np.sqrt(2.0)))
+
+
+def trunk_spacing(trunk_size: np.ndarray) -> float:
+    """Greatest distance [m] between neighbouring points of a trunk's lower face, of its length, width and height [m]."""
+    return float(max(trunk_size[axis] / (count - 1) for axis, count in enumerate(TRUNK)))
+
+
+def leg_points(robot: Robot, pose: Float[Array, "6"], angles: Float[Array, "leg joint"]) -> Float[Array, "leg point 3"]:
+    """Points on the axes of thighs and shanks, in W [m]."""
+    frames = all_leg_frames(robot, angles)
+    knee, ankle = frames.origin[:, 2], frames.foot
+    thigh, shank = (jnp.asarray(places, knee.dtype)[None, :, None] for places in (THIGH, SHANK))
+    hip = frames.origin[:, 1, None]
+    points = jnp.concatenate([hip + thigh * (knee[:, None] - hip), knee[:, None] + shank * (ankle - knee)[:, None]], axis=1)
+    return pose[:3] + matvec(trunk_rotation(pose[3:]), robot.hip_position[:, None] + points)
+
+
+def leg_clearance(
+    robot: Robot, ground: Obstacles, pose: Float[Array, "6"], angles: Float[Array, "leg joint"]
+) -> Float[Array, "leg"]:
+    """Least height [m] of each leg's capsules over the ground; negative: they touch it."""
+    points = leg_points(robot, pose, angles)
+    return jnp.min(points[..., 2] - robot.leg_radius - _heights(ground.leg, points), axis=1)
+
+
+def trunk_clearance(robot: Robot, ground: Obstacles, pose: Float[Array, "6"]) -> Float[Array, ""]:
+    """Least height [m] of the trunk's lower face over the ground; negative: it touches it."""
+    x, y = (np.linspace(-0.5, 0.5, count) for count in TRUNK)
+    face = np.stack([*np.meshgrid(x, y, indexing="ij"), np.full(TRUNK, -0.5)], axis=-1).reshape(-1, 3)
+    points = pose[:3] + matvec(trunk_rotation(pose[3:]), jnp.asarray(face, pose.dtype) * robot.trunk_size)
+    return jnp.min(points[:, 2] - _heights(ground.trunk, points))
+
+
+def _heights(terrain: HeightMap, points):
+    sample = nearest_height
+    for _ in points.shape[:-1]:
+        sample = jax.vmap(sample, in_axes=(None, 0))
+    return sample(terrain, points[..., :2])
