@@ -1,9 +1,9 @@
 """Cost of the ground under the robot's body: slope, roughness and step height over a disc round each cell. Paper C, 2.1.
 
-A disc uses the seen cells in it, its middle need not be one; beyond the map's border nothing is seen. Exact by default.
-With `softness` > 0 every feature has a useful gradient: a maximum becomes a mean weighted by exp(value / softness), a count
-a sum of sigmoids. As it goes to 0 these tend to the exact forms, but for a cell with several equally different
-neighbours: the exact form takes the nearest of them, the smooth one their mean.
+A disc uses the seen cells in it, its middle need not be one; beyond the map's border nothing is seen. Exact by default. With
+a `softness` [m], a value that may be traced, every feature has a useful gradient: a maximum becomes a mean weighted by
+exp(value / softness), a count a sum of sigmoids. As it goes to 0 these tend to the exact forms, but for a cell with several
+equally different neighbours: the exact form takes the nearest of them, the smooth one their mean.
 """
 
 import dataclasses
@@ -35,7 +35,6 @@ class BodySettings:
     critical_count: int = setting(10, min=1, help="n_cr: cells with a step that make a full step")
     roughness: Literal["deviation", "residual"] = setting("deviation", help="of elevation (C), or from the plane, over n - 1")
     step: Literal["own_neighbour", "count"] = setting("own_neighbour", help="as in paper C, or as in the published filters")
-    softness: float = setting(0.0, min=0.0, max=1.0, unit="m", help="0 is exact; above, smooth for gradients")
 
 
 class BodyFeatures(NamedTuple):
@@ -78,15 +77,17 @@ def traversable(features: BodyFeatures, weights: BodyWeights) -> Bool[Array, "nx
     return known & (features.step_height <= weights.threshold)
 
 
-def body_features(terrain: HeightMap, resolution: float, settings: BodySettings) -> BodyFeatures:
-    """Slope, roughness and step height of the disc round each cell. Paper C, (1)-(9).
+def body_features(
+    terrain: HeightMap, resolution: float, settings: BodySettings, softness: Float[ArrayLike, ""] | None = None
+) -> BodyFeatures:
+    """Slope, roughness and step height of the disc round each cell, exact or smooth (above). Paper C, (1)-(9).
 
     `resolution` is the map's [m per cell] and static: it sets the windows.
     """
     elevation = jnp.where(jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
     window = disc(settings.radius, resolution)
     fits, count, slope, roughness = _plane(elevation, resolution, window, settings.roughness)
-    step = _step_height(elevation, resolution, window, settings)
+    step = _step_height(elevation, resolution, window, settings, softness)
     known = (jnp.where(fits, value, jnp.nan) for value in (slope, roughness, step))
     return BodyFeatures(*known, seen=count / len(window))
 
@@ -142,36 +143,36 @@ def _residual(elevation, window: Disc, plane, middle):
     return fold(elevation, window, visit, jnp.zeros_like(elevation))
 
 
-def _step_height(elevation, resolution: float, window: Disc, settings: BodySettings):
+def _step_height(elevation, resolution: float, window: Disc, settings: BodySettings, softness):
     """min(h, n_st / n_cr h), h the greatest height difference of the disc's cells, n_st those of them with a step. (9)"""
     differ = _own_neighbour if settings.step == "own_neighbour" else _range
-    difference, excess = differ(elevation, resolution, settings)
+    difference, excess = differ(elevation, resolution, settings, softness)
     difference = jnp.where(jnp.isnan(elevation), -jnp.inf, difference)
     greatest = over_disc(difference, -jnp.inf, jax.lax.max, window)
-    if settings.softness == 0.0:
+    if softness is None:
         highest, is_step = greatest, (excess > 0.0).astype(elevation.dtype)
     else:
-        highest = _soft_maximum(difference, jax.lax.stop_gradient(greatest), window, settings.softness)
-        is_step = jax.nn.sigmoid(excess / settings.softness)
+        highest = _soft_maximum(difference, jax.lax.stop_gradient(greatest), window, softness)
+        is_step = jax.nn.sigmoid(excess / softness)
     is_step = jnp.where(jnp.isnan(elevation), 0.0, is_step)
     count = fold(is_step, window, lambda total, _, steps: total + jnp.nan_to_num(steps), jnp.zeros_like(elevation))
     return highest * jnp.minimum(1.0, count / settings.critical_count)
 
 
-def _range(elevation, resolution: float, settings: BodySettings):
+def _range(elevation, resolution: float, settings: BodySettings, softness):
     """Highest less lowest seen cell of each sliding window [m], and by how much it exceeds the critical step [m]."""
     window = disc(settings.step_radius, resolution)
     unseen, highest = jnp.isnan(elevation), 0.0
     for sign in (1.0, -1.0):
         heights = jnp.where(unseen, -jnp.inf, sign * elevation)
         top = over_disc(heights, -jnp.inf, jax.lax.max, window)
-        if settings.softness > 0.0:
-            top = _soft_maximum(heights, jax.lax.stop_gradient(top), window, settings.softness)
+        if softness is not None:
+            top = _soft_maximum(heights, jax.lax.stop_gradient(top), window, softness)
         highest += jnp.where(unseen, 0.0, top)
     return highest, highest - settings.critical_step
 
 
-def _own_neighbour(elevation, resolution: float, settings: BodySettings):
+def _own_neighbour(elevation, resolution: float, settings: BodySettings, softness):
     """Greatest difference [m] of each cell to a seen neighbour in the sliding window, 0 without one; and its excess.
 
     That is how far [m] the neighbour lies beyond a line of the critical slope: positive for a steeper line.
@@ -194,12 +195,12 @@ def _own_neighbour(elevation, resolution: float, settings: BodySettings):
 
     def weighed(total, offset, heights):
         difference, line, both = apart(offset, heights)
-        weight = jnp.where(both, jnp.exp((difference - jax.lax.stop_gradient(greatest)) / settings.softness), 0.0)
+        weight = jnp.where(both, jnp.exp((difference - jax.lax.stop_gradient(greatest)) / softness), 0.0)
         return tuple(t + weight * term for t, term in zip(total, (1.0, difference, difference - line)))
 
     zeros = jnp.zeros_like(elevation)
     greatest = fold(elevation, neighbours, higher, zeros)
-    if settings.softness == 0.0:
+    if softness is None:
         return greatest, fold(elevation, neighbours, excess, zeros - jnp.inf)
     weight, difference, beyond = fold(elevation, neighbours, weighed, (zeros,) * 3)
     alone = weight == 0.0
@@ -207,7 +208,7 @@ def _own_neighbour(elevation, resolution: float, settings: BodySettings):
     return difference / weight, jnp.where(alone, -jnp.inf, beyond / weight)
 
 
-def _soft_maximum(values, top, window: Disc, softness: float):
+def _soft_maximum(values, top, window: Disc, softness):
     """Mean of a window's values weighted by exp(value / softness); `top`, their maximum, keeps the weights from overflow."""
     top = jnp.where(jnp.isfinite(top), top, 0.0)
 

@@ -1,7 +1,7 @@
 """The cost map that paths are searched on: the ground under the body and under the feet. Paper C, (16).
 
-`CostSettings` (TOML) holds `Windows`, which are static, and what `cost_weights` makes values of that may be traced; `total_cost`
-takes both.
+`CostSettings` (TOML) holds `Windows`, which are static, and what `cost_weights` makes values of that may be traced.
+`total_cost` takes both.
 """
 
 import dataclasses
@@ -87,13 +87,19 @@ def cost_weights(settings: CostSettings) -> CostWeights:
     return CostWeights(body, feet, jnp.asarray(share, float))
 
 
-def total_cost(terrain: HeightMap, resolution: float, windows: Windows, weights: CostWeights) -> CostMap:
+def total_cost(
+    terrain: HeightMap,
+    resolution: float,
+    windows: Windows,
+    weights: CostWeights,
+    softness: Float[ArrayLike, ""] | None = None,
+) -> CostMap:
     """Cost of the body's centre on each cell for each heading of travel: lambda_body c_body + lambda_feet c_feet.
 
     Infinite, whatever the shares, where the body cannot be or a foot has seen no ground. `resolution` is the map's
-    [m per cell], static as `windows` are.
+    [m per cell], static as `windows` are; `softness` that of `body_features`, exact without.
     """
-    body = body_cost(body_features(terrain, resolution, windows.body), weights.body, windows.combine)
+    body = body_cost(body_features(terrain, resolution, windows.body, softness), weights.body, windows.combine)
     footholds = foothold_features(terrain, resolution, windows.foothold)
     feet = feet_cost(footholds, resolution, windows.feet, weights.feet)
     return CostMap(combined(body, feet, weights.body_share), body, feet)

@@ -46,13 +46,12 @@ def foothold_features(terrain: HeightMap, resolution: float, settings: FootholdS
 
     Concavity is below pi/2 where the ground is hollow. `resolution` is the map's [m per cell], static: it sets the windows.
     """
-    heights = jnp.where(jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan) / resolution  # in cells, as radii are
-    radii = [radius / resolution for radius in settings.radii]
-    spheres = [_covariance(heights, radius, disc(radius, 1.0)) for radius in radii]
+    elevation = jnp.where(jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
+    spheres = [_covariance(elevation, resolution, radius) for radius in settings.radii]
     covariance, fits = (jnp.stack(parts) for parts in zip(*spheres))
     normal, curvature = jax.vmap(jax.vmap(jax.vmap(normal_and_variation)))(covariance)
     slope = jnp.arctan2(norm_safe(normal[..., :2]), normal[..., 2])
-    concavity = jnp.stack([_concavity(heights, radius, n) for radius, n in zip(radii, normal)])
+    concavity = jnp.stack([_concavity(elevation, resolution, radius, n) for radius, n in zip(settings.radii, normal)])
     known = [jnp.where(fits, value, jnp.nan) for value in (curvature, slope, concavity)]
     return FootholdFeatures(*known, normal=jnp.where(fits[..., None], normal, jnp.nan))
 
@@ -65,40 +64,40 @@ def uphill(normal: Float[Array, "*map 3"], heading: Float[ArrayLike, ""]) -> Flo
     return jnp.arctan2(-normal[..., 0] * jnp.cos(heading) - normal[..., 1] * jnp.sin(heading), normal[..., 2])
 
 
-def _covariance(heights, radius: float, window):
-    """Covariance [cells^2] of the points in the sphere about each cell, and whether they make a plane; heights in cells."""
-    zeros = jnp.zeros_like(heights)
+def _covariance(elevation, resolution: float, radius: float):
+    """Covariance [cells^2] of the points in the sphere about each cell, and whether they make a plane."""
+    zeros, window, limit = jnp.zeros_like(elevation), disc(radius, resolution), (radius / resolution + BORDER) ** 2
 
-    def point(offset, shifted):
-        """Place relative to the foothold, and 1 for a seen cell inside the sphere."""
-        z = shifted - heights
-        inside = jnp.sum(offset**2) + z * z <= (radius + BORDER) ** 2  # false for NaN
-        return (*offset, jnp.where(inside, z, 0.0)), inside.astype(heights.dtype)
+    def point(offset, heights):
+        """Place relative to the foothold [cells], and 1 for a seen cell inside the sphere."""
+        z = (heights - elevation) / resolution  # the difference first: heights may be great
+        inside = jnp.sum(offset**2) + z * z <= limit  # false for NaN
+        return (*offset, jnp.where(inside, z, 0.0)), inside.astype(elevation.dtype)
 
-    def first(total, offset, shifted):
-        place, one = point(offset, shifted)
+    def first(total, offset, heights):
+        place, one = point(offset, heights)
         return tuple(t + one * term for t, term in zip(total, (1.0, *place)))
 
-    count, *sums = fold(heights, window, first, (zeros,) * 4)
+    count, *sums = fold(elevation, window, first, (zeros,) * 4)
     count = jnp.maximum(count, 1.0)
     mean = [total / count for total in sums]
 
-    def second(total, offset, shifted):  # about the mean: squares cancel
-        place, one = point(offset, shifted)
+    def second(total, offset, heights):  # about the mean: squares cancel
+        place, one = point(offset, heights)
         x, y, z = (one * (a - m) for a, m in zip(place, mean))
         return tuple(t + term for t, term in zip(total, (x * x, x * y, x * z, y * y, y * z, z * z)))
 
-    xx, xy, xz, yy, yz, zz = fold(heights, window, second, (zeros,) * 6)
+    xx, xy, xz, yy, yz, zz = fold(elevation, window, second, (zeros,) * 6)
     fits = (count >= 3) & (xx * yy - xy * xy > 1e-3)  # in cells: below that they lie in a row
     rows = (jnp.stack(row, axis=-1) for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
     return jnp.stack(list(rows), axis=-2), fits
 
 
-def _concavity(heights, radius: float, normal):
-    """Mean angle [rad] between the normal and the ways to the seen ones of 8 points on the surface, on a circle [cells]."""
+def _concavity(elevation, resolution: float, radius: float, normal):
+    """Mean angle [rad] between the normal and the ways to the seen ones of 8 points on the surface, on a circle."""
     turns = 2.0 * math.pi / AROUND * np.arange(AROUND)
     ways = radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    rise = jnp.stack([_sampled(heights, *way) for way in ways], axis=-1) - heights[..., None]
+    rise = jnp.stack([_rise(elevation, *(way / resolution)) for way in ways], axis=-1)
     seen = ~jnp.isnan(rise)
     rise = jnp.where(seen, rise, 0.0)[..., None]
     ways = jnp.concatenate([jnp.broadcast_to(jnp.asarray(ways, rise.dtype), (*rise.shape[:-1], 2)), rise], axis=-1)
@@ -108,13 +107,13 @@ def _concavity(heights, radius: float, normal):
     return jnp.where(count > 0, jnp.sum(jnp.where(seen, angle, 0.0), axis=-1) / jnp.maximum(count, 1), jnp.nan)
 
 
-def _sampled(heights, ahead: float, aside: float):
-    """Heights so far from each cell, linear between the cells round the place; NaN if one of them is unseen. In cells."""
+def _rise(elevation, ahead: float, aside: float):
+    """Height so many cells from each cell, over it; linear between the cells round the place, NaN if one is unseen."""
     i, j = (math.floor(round(x, 9)) for x in (ahead, aside))
     u, v = round(ahead - i, 9), round(aside - j, 9)
     reach = max(abs(i), abs(j)) + 1
-    padded = jnp.pad(heights, reach, constant_values=jnp.nan)
+    padded = jnp.pad(elevation, reach, constant_values=jnp.nan)
     corners = (((i, j), (1 - u) * (1 - v)), ((i + 1, j), u * (1 - v)), ((i, j + 1), (1 - u) * v), ((i + 1, j + 1), u * v))
-    size = heights.shape
-    cut = (w * padded[reach + a : reach + a + size[0], reach + b : reach + b + size[1]] for (a, b), w in corners if w > 0)
-    return sum(cut)
+    nx, ny = elevation.shape
+    cut = ((w, padded[reach + a : reach + a + nx, reach + b : reach + b + ny]) for (a, b), w in corners if w > 0)
+    return sum(w * (heights - elevation) for w, heights in cut)
