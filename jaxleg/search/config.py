@@ -70,7 +70,7 @@ class Contestants:
 class Kind:
     """One kind of terrain, and what every contestant has in common on it."""
 
-    generator: str = setting("flat", choices=("flat", "rough", "stairs"), help="terrain generator")
+    generator: str = setting("flat", choices=("flat", "rough", "stairs", "cuboids", "fractal"), help="terrain generator")
     least_knee_bend_deg: float = setting(20.0, min=0.0, max=120.0, unit="deg", help="binds every contestant")
     rise: float = setting(0.08, min=0.0, max=0.5, unit="m", help="stairs: height of a step at difficulty 1")
     run: float = setting(0.30, above=0.05, max=5.0, unit="m", help="stairs: depth of a tread")

@@ -1,6 +1,18 @@
 """Height maps, their generators, and where a foot may be placed."""
 
-from jaxleg.terrain.generators import KINDS, Grid, TerrainSettings, flat, rough, stairs, terrain, terrain_batch, terrain_keys
+from jaxleg.terrain.generators import (
+    KINDS,
+    Grid,
+    TerrainSettings,
+    cuboids,
+    flat,
+    fractal,
+    rough,
+    stairs,
+    terrain,
+    terrain_batch,
+    terrain_keys,
+)
 from jaxleg.terrain.heightmap import HeightMap, height, height_and_gradient, nearest_height, normal
 from jaxleg.terrain.validity import valid_cells
 
@@ -9,7 +21,9 @@ __all__ = [
     "Grid",
     "HeightMap",
     "TerrainSettings",
+    "cuboids",
     "flat",
+    "fractal",
     "height",
     "height_and_gradient",
     "nearest_height",

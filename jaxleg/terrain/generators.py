@@ -1,4 +1,4 @@
-"""Terrain generators: flat ground, stairs, rough ground. Jittable; one key makes one terrain."""
+"""Terrain generators: flat ground, stairs, rough ground, cuboids, fractal ground. Jittable; one key makes one terrain."""
 
 import dataclasses
 from collections.abc import Callable
@@ -14,6 +14,8 @@ from jaxleg.terrain.heightmap import HeightMap
 
 BATCH = 16  # terrains made at once
 WAVES = 64  # plane waves in a rough surface
+OCTAVES, WAVES_AN_OCTAVE = 5, 16  # of a fractal surface, its longest waves first
+HURST = 0.8  # of a fractal surface: an octave's amplitude goes with its wavelength to this power
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,6 +49,10 @@ class TerrainSettings:
     heading: Float[ArrayLike, "*batch"] = 0.0  # stairs: direction of ascent in W [rad]
     amplitude: Float[ArrayLike, "*batch"] = 0.05  # rough: two standard deviations [m]
     correlation_length: Float[ArrayLike, "*batch"] = 0.25  # rough: see `rough` [m]
+    cuboid: Float[ArrayLike, "*batch"] = 0.30  # cuboids: length and width [m]
+    cuboid_height: Float[ArrayLike, "*batch"] = 0.10  # cuboids: greatest height above and below the mean [m]
+    deviation: Float[ArrayLike, "*batch"] = 0.12  # fractal: standard deviation [m]
+    longest_wave: Float[ArrayLike, "*batch"] = 4.0  # fractal [m]
 
 
 def flat(grid: Grid) -> HeightMap:
@@ -83,6 +89,45 @@ def rough(grid: Grid, key: Array, amplitude: Float[ArrayLike, ""], correlation_l
     return grid.map(0.5 * amplitude * jnp.sqrt(2.0 / WAVES) * jnp.sum(jnp.cos(angle), axis=-1))
 
 
+def cuboids(grid: Grid, key: Array, side: Float[ArrayLike, ""], height: Float[ArrayLike, ""]) -> HeightMap:
+    """Square cuboids side by side, their tops uniform within +-height [m]. Paper C, 4.2 (Fig. 9).
+
+    The lattice begins at a random place. The ground at a point does not depend on the grid.
+    """
+    key_place, key_top = jax.random.split(key)
+    cell = jnp.floor(grid.points() / side + jax.random.uniform(key_place, (2,), float)).astype(jnp.int32)
+
+    def top(cell):
+        of_cell = jax.random.fold_in(jax.random.fold_in(key_top, cell[0]), cell[1])
+        return jax.random.uniform(of_cell, (), float, -1.0, 1.0)
+
+    return grid.map(height * jax.vmap(jax.vmap(top))(cell))
+
+
+def fractal(grid: Grid, key: Array, deviation: Float[ArrayLike, ""], longest: Float[ArrayLike, ""]) -> HeightMap:
+    """Fractional Brownian ground: octaves of plane waves from `longest` [m] on, each half as long as the one before.
+
+    Amplitudes fall with the wavelength to the power `HURST`; directions, phases and wavelengths within an octave are random.
+    Mean 0 and standard deviation `deviation` [m] are those over many keys at one point. As `rough`, free of the grid.
+    """
+    key_turn, key_wave, key_phase = jax.random.split(key, 3)
+    octave = jnp.repeat(jnp.arange(OCTAVES), WAVES_AN_OCTAVE).astype(float)
+    turn = jax.random.uniform(key_turn, octave.shape, float, 0.0, 2.0 * jnp.pi)
+    length = longest * 2.0 ** -(octave + jax.random.uniform(key_wave, octave.shape, float))
+    phase = jax.random.uniform(key_phase, octave.shape, float, 0.0, 2.0 * jnp.pi)
+    amplitude = 2.0 ** (-HURST * octave)
+    amplitude = amplitude * deviation * jnp.sqrt(2.0 / jnp.sum(amplitude**2))
+
+    points = grid.points()
+
+    def wave(total, one):
+        turn, length, phase, amplitude = one
+        along = points[..., 0] * jnp.cos(turn) + points[..., 1] * jnp.sin(turn)  # no matrix product, as in `rough`
+        return total + amplitude * jnp.cos(2.0 * jnp.pi / length * along + phase), None
+
+    return grid.map(jax.lax.scan(wave, jnp.zeros((grid.nx, grid.ny), float), (turn, length, phase, amplitude))[0])
+
+
 def _flat(grid, key, difficulty, settings):
     del key, difficulty, settings
     return flat(grid)
@@ -97,8 +142,22 @@ def _rough(grid, key, difficulty, settings):
     return rough(grid, key, difficulty * settings.amplitude, settings.correlation_length)
 
 
+def _cuboids(grid, key, difficulty, settings):
+    return cuboids(grid, key, settings.cuboid, difficulty * settings.cuboid_height)
+
+
+def _fractal(grid, key, difficulty, settings):
+    return fractal(grid, key, difficulty * settings.deviation, settings.longest_wave)
+
+
 # To add a kind of terrain, add its generator (grid, key, difficulty in [0, 1], settings) -> HeightMap here.
-KINDS: dict[str, Callable[..., HeightMap]] = {"flat": _flat, "rough": _rough, "stairs": _stairs}
+KINDS: dict[str, Callable[..., HeightMap]] = {
+    "flat": _flat,
+    "rough": _rough,
+    "stairs": _stairs,
+    "cuboids": _cuboids,
+    "fractal": _fractal,
+}
 
 
 def terrain(kind: str, grid: Grid, key: Array, difficulty: Float[ArrayLike, ""], settings: TerrainSettings) -> HeightMap:

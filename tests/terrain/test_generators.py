@@ -4,10 +4,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.special
 from numpy.testing import assert_allclose
 
 from jaxleg.conventions import InputError
-from jaxleg.terrain import KINDS, Grid, TerrainSettings, flat, rough, stairs, terrain, terrain_batch, terrain_keys
+from jaxleg.terrain import (
+    KINDS,
+    Grid,
+    TerrainSettings,
+    cuboids,
+    flat,
+    fractal,
+    rough,
+    stairs,
+    terrain,
+    terrain_batch,
+    terrain_keys,
+)
 
 GRID = Grid(24, 15, 0.04, (-0.3, -0.2))
 SETTINGS = TerrainSettings()
@@ -58,6 +71,35 @@ def test_rough_has_the_stated_spread_and_correlation():
     assert_allclose(correlation, np.exp(-0.5 * (np.arange(4) / 2) ** 2), atol=0.06)
 
 
+def test_cuboids_are_level_squares_of_uniform_height():
+    grid = Grid(120, 90, 0.02, (0.0, 0.0))
+    key = jax.random.key(2)
+    ground = np.asarray(jax.jit(cuboids, static_argnums=0)(grid, key, 0.3, 0.1).elevation)
+    place = np.asarray(jax.random.uniform(jax.random.split(key)[0], (2,), float))
+    square = np.floor(np.asarray(grid.points()) / 0.3 + place).astype(int)
+    tops = {tuple(c): ground[np.all(square == c, axis=-1)] for c in np.unique(square.reshape(-1, 2), axis=0)}
+    assert all(np.ptp(top) == 0.0 for top in tops.values())
+    heights = np.array([top[0] for top in tops.values()])
+    assert len(np.unique(heights)) == len(tops) > 50
+    assert np.abs(heights).max() <= 0.1
+    assert_allclose(np.std(heights), 0.1 / np.sqrt(3.0), rtol=0.25)
+
+
+def test_fractal_ground_has_the_stated_spread_and_structure():
+    """Mean square of height differences over a distance d: 2 s^2 sum_o share_o (1 - J0(2 pi d / wavelength)), waves of any
+    direction; an octave's share of the variance goes with its wavelength to the power 2 H."""
+    grid = Grid(9, 4, 0.2, (0.3, -0.4))
+    keys = jax.random.split(jax.random.key(0), 4000)
+    grounds = np.asarray(jax.jit(jax.vmap(lambda k: fractal(grid, k, 0.1, 4.0).elevation))(keys))
+    assert_allclose(grounds.std(axis=0), 0.1, rtol=0.05)
+    octave, within = np.arange(5.0)[:, None], (np.arange(200) + 0.5) / 200
+    share = 4.0 ** (-0.8 * octave) / np.sum(4.0 ** (-0.8 * octave))
+    for k in (1, 2, 4, 8):
+        square = np.mean((grounds[:, k] - grounds[:, 0]) ** 2)
+        waves = 1.0 - scipy.special.j0(2.0 * np.pi * 0.2 * k / (4.0 * 2.0 ** -(octave + within)))
+        assert_allclose(square, 2.0 * 0.1**2 * np.sum(share * waves.mean(axis=1, keepdims=True)), rtol=0.06)
+
+
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_difficulty_scales_the_heights(kind):
     make = jax.jit(lambda difficulty: terrain(kind, GRID, jax.random.key(1), difficulty, SETTINGS).elevation)
@@ -84,12 +126,12 @@ def test_a_terrain_does_not_depend_on_how_its_batch_is_cut(kind):
 
 def test_settings_are_leaves_to_batch_over():
     batch = TerrainSettings(rise=jnp.array([0.02, 0.09]))
-    axes = TerrainSettings(0, *[None] * 4)
+    axes = TerrainSettings(0, *[None] * 8)
     make = jax.vmap(lambda settings: terrain("stairs", GRID, jax.random.key(0), 1.0, settings).elevation, in_axes=(axes,))
     low, high = make(batch)
     assert_allclose(high, 4.5 * low, atol=1e-12)
 
 
 def test_an_unknown_kind_is_an_input_error():
-    with pytest.raises(InputError, match="'lava' is unknown; there are flat, rough, stairs"):
+    with pytest.raises(InputError, match="'lava' is unknown; there are cuboids, flat, fractal, rough, stairs"):
         terrain("lava", GRID, jax.random.key(0), 1.0, SETTINGS)
