@@ -101,7 +101,7 @@ def _concavity(elevation, resolution: float, radius: float, normal):
     seen = ~jnp.isnan(rise)
     rise = jnp.where(seen, rise, 0.0)[..., None]
     ways = jnp.concatenate([jnp.broadcast_to(jnp.asarray(ways, rise.dtype), (*rise.shape[:-1], 2)), rise], axis=-1)
-    normal = normal[..., None, :]
+    normal = jnp.broadcast_to(normal[..., None, :], ways.shape)
     angle = jnp.arctan2(norm_safe(cross(normal, ways)), dot(normal, ways))  # not acos: it has no slope at its ends
     count = jnp.sum(seen, axis=-1)
     return jnp.where(count > 0, jnp.sum(jnp.where(seen, angle, 0.0), axis=-1) / jnp.maximum(count, 1), jnp.nan)

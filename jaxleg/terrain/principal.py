@@ -26,19 +26,33 @@ def normal_and_variation(
 
 
 def _closed_form(a: Float[Array, "3 3"]) -> Float[Array, "3"]:
-    """Eigenvector of the least eigenvalue of a symmetric matrix of trace 1, by the cubic's roots and cross products."""
-    deviation = a - jnp.eye(3, dtype=a.dtype) / 3.0
+    """Eigenvector of the least eigenvalue of a symmetric matrix of trace 1.
+
+    By the cubic's root that stands apart from the other two, the least or the greatest, whose axis alone is well defined; from
+    the greatest's axis on, by the 2x2 problem in the plane square to it.
+    """
+    identity = jnp.eye(3, dtype=a.dtype)
+    deviation = a - identity / 3.0
     p = jnp.sqrt(jnp.sum(deviation**2) / 6.0)
     b = deviation / jnp.where(p > 0.0, p, 1.0)
-    angle = jnp.arccos(jnp.clip(0.5 * dot(b[0], cross(b[1], b[2])), -1.0, 1.0)) / 3.0
-    rows = deviation - 2.0 * p * jnp.cos(angle + 2.0 * jnp.pi / 3.0) * jnp.eye(3, dtype=a.dtype)
-    vectors = jnp.stack([cross(rows[0], rows[1]), cross(rows[1], rows[2]), cross(rows[2], rows[0])])
+    half = jnp.clip(0.5 * dot(b[0], cross(b[1], b[2])), -1.0, 1.0)
+    greatest = half >= 0.0
+    root = 2.0 * p * jnp.cos(jnp.arccos(half) / 3.0 + jnp.where(greatest, 0.0, 2.0 * jnp.pi / 3.0))
+    axis = _kernel(deviation - root * identity)
+    along, across = _square_to(axis)
+    image = matvec(a, along)
+    turn = 0.5 * jnp.arctan2(2.0 * dot(across, image), dot(along, image) - dot(across, matvec(a, across)))
+    return jnp.where(greatest, jnp.cos(turn) * across - jnp.sin(turn) * along, axis)
+
+
+def _kernel(a: Float[Array, "3 3"]) -> Float[Array, "3"]:
+    """Unit vector that a symmetric matrix of rank 2 takes to 0: the longest cross product of its rows; up if all are 0."""
+    vectors = jnp.stack([cross(a[0], a[1]), cross(a[1], a[2]), cross(a[2], a[0])])
     squares = jnp.sum(vectors**2, axis=1)
     vector = jnp.where(squares[0] >= jnp.maximum(squares[1], squares[2]), vectors[0], vectors[2])
     vector = jnp.where(squares[1] > jnp.maximum(squares[0], squares[2]), vectors[1], vector)
     length = norm_safe(vector)
-    up = jnp.array([0.0, 0.0, 1.0], a.dtype)
-    return jnp.where(length > 0.0, vector / jnp.where(length > 0.0, length, 1.0), up)
+    return jnp.where(length > 0.0, vector / jnp.where(length > 0.0, length, 1.0), jnp.array([0.0, 0.0, 1.0], a.dtype))
 
 
 def _corrected(a: Float[Array, "3 3"], vector: Float[Array, "3"]) -> Float[Array, "3"]:
