@@ -1,12 +1,12 @@
 """Follow a long plan with feedback on where the trunk is, so that slip does not add up. One lane; `vmap` it.
 
 A joint reference alone lets every slip and sag move trunk and later footholds off the plan: over a hundred steps by
-decimetres. Here the joint controllers get the plan's joint angles plus what puts the feet where the plan wants them:
+decimetres. Here the joint controllers get the plan's joint angles plus J^-1 d, d the change of a foot's place in B that takes
 
-    standing leg:  IK(R*^T (p_foot - p*)) - IK(R*^T (p_foot* - p*))     the trunk to its plan over the feet as they stand
-    swinging leg:  IK(R^T (p_foot* - p))  - IK(R*^T (p_foot* - p*))     the foot to its planned place in the world
+    a standing leg  from R*^T (p_foot* - p*) to R*^T (p_foot - p*):   the trunk to its plan, over the feet as they stand,
+    a swinging leg  from R*^T (p_foot* - p*) to R^T (p_foot* - p):    the foot to its planned place in the world
 
-(* planned, otherwise as simulated), blended by the planned load while it is transferred. `MJX` and the referee use the same law.
+(* planned, otherwise as simulated), blended by the planned load while it is transferred. MJX and the referee use the same law.
 """
 
 from typing import NamedTuple
@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxleg.kinematics import leg_angles, rotation_from_quaternion
-from jaxleg.numerics import matvec
+from jaxleg.kinematics import rotation_from_quaternion
+from jaxleg.numerics import inverse3_safe, matvec
 from jaxleg.plan import Reference
 from jaxleg.robot import Robot
 from jaxleg.sim.contact import Ground
@@ -38,12 +38,12 @@ class Followed(NamedTuple):
 
 
 class Posture(NamedTuple):
-    """Joints, trunk and feet at q."""
+    """Trunk and feet as they are."""
 
-    angles: Float[Array, "leg joint"]
     trunk_pos: Float[Array, "3"]
     trunk_quat: Float[Array, "4"]
     feet: Float[Array, "leg 3"]
+    jacobian: Float[Array, "leg 3 joint"]  # of each foot by its own joints, in W [m/rad]
 
 
 class Rows(NamedTuple):
@@ -77,19 +77,14 @@ def between(low: Reference, high: Reference, time: Float[Array, ""]) -> Referenc
     return row._replace(joint_pos=low.joint_pos + blend * (high.joint_pos - low.joint_pos) + bow)
 
 
-def corrected(robot: Robot, row: Reference, now: Posture) -> Float[Array, "leg joint"]:
+def corrected(row: Reference, now: Posture) -> Float[Array, "leg joint"]:
     """Joint angles [rad] of the law above for the planned `row` and the posture as it is."""
     wanted, actual = rotation_from_quaternion(_unit(row.trunk_quat)), rotation_from_quaternion(now.trunk_quat)
-    planned = matvec(wanted.T, row.foot_pos - row.trunk_pos)
-    standing = matvec(wanted.T, now.feet - row.trunk_pos)
-    swinging = matvec(actual.T, row.foot_pos - now.trunk_pos)
+    standing = matvec(wanted.T, now.feet - row.foot_pos)
+    swinging = matvec(actual.T, row.foot_pos - now.trunk_pos) - matvec(wanted.T, row.foot_pos - row.trunk_pos)
     load = row.contact[:, None]
-    inverse = jax.vmap(leg_angles, in_axes=(0, 0, None, 0))
-    at = [
-        inverse(robot.joint_axis, robot.link_offset, robot.knee_sign, feet - robot.hip_position)[0]
-        for feet in (load * standing + (1.0 - load) * swinging, planned)
-    ]
-    return row.joint_pos + at[0] - at[1]
+    change = matvec(actual, load * standing + (1.0 - load) * swinging)
+    return row.joint_pos + matvec(inverse3_safe(now.jacobian), change)
 
 
 def _unit(quaternion):
@@ -122,10 +117,10 @@ def follow(
         terms = engine(state.q, state.v)
         low, high = samples_at(rows, index)
         row, later = between(low, high, time), between(low, high, time + dt)
-        posture = Posture(state.q[7:].reshape(4, 3), state.q[:3], state.q[3:7], terms.foot)
+        posture = Posture(state.q[:3], state.q[3:7], terms.foot, terms.foot_by_leg)
         torque = 0.5 * (row.joint_torque + later.joint_torque)
         going = index < last
-        tracking = Tracking(corrected(robot, row, posture), jnp.where(going, later.joint_vel, 0.0), torque, dt)
+        tracking = Tracking(corrected(row, posture), jnp.where(going, later.joint_vel, 0.0), torque, dt)
         after, seen = advance(terms, robot, ground, terrain, state, tracking)
         ok = alive & jnp.all(jnp.isfinite(after.q)) & ~fallen(robot, terrain, after, seen.foot, stand)
         after = jax.tree.map(lambda a, b: jnp.where(ok, a, b), after, state)
