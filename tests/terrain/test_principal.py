@@ -25,7 +25,7 @@ def plain(covariance):
 @pytest.mark.parametrize(("dtype", "tolerance"), [("float64", 1e-12), ("float32", 2e-6)])
 def test_against_eigh(dtype, tolerance):
     rng = np.random.default_rng(1)
-    values = np.sort(rng.uniform(size=(200, 3)), axis=1) + [0.0, 0.1, 0.2]
+    values = np.sort(rng.uniform(size=(200, 3)), axis=1) + np.array([0.0, 0.1, 0.2])
     values[:50, 0] = 0.0  # a plane
     values[50:100, 2] = values[50:100, 1]  # as on level ground: the two long axes agree
     covariance = (turned(values) * 10.0 ** rng.uniform(-6, 6, 200)[:, None, None]).astype(dtype)
