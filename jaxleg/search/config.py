@@ -8,6 +8,7 @@ import numpy as np
 
 from jaxleg.energy import Convention
 from jaxleg.plan import GaitParams
+from jaxleg.planning.config import Navigation
 from jaxleg.planning.posture import CogRule
 from jaxleg.settings import setting
 
@@ -163,6 +164,7 @@ class Study:
     cog: Cog = setting(Cog())
     search: Search = setting(Search())
     simulation: Simulation = setting(Simulation())
+    navigation: Navigation = setting(Navigation(), help="paper C's planner: `jaxleg plan`")
 
 
 MOVED: dict[str, tuple[str, ...]] = {

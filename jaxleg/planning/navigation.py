@@ -1,0 +1,216 @@
+"""From a map, a start and a goal to a walk: cost map, body path, stations, a series of static gaits, phases. Paper C.
+
+`Navigator` offers each stage for one lane; `vmap` over maps. Where no gait leads along a path, the ground at the dead end is
+closed and another path is tried (`detour`).
+"""
+
+import dataclasses
+import enum
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxleg.conventions import HEADINGS, LEGS
+from jaxleg.plan import GaitParams, Phases, Reference
+from jaxleg.planning.collision import obstacles, trunk_spacing
+from jaxleg.planning.config import Navigation
+from jaxleg.planning.footholds import nearest_cell
+from jaxleg.planning.gaits import GaitPlan, Scene, State, first_state, gait_series
+from jaxleg.planning.path import BodyPath, PathStatus, PathWeights, find_path
+from jaxleg.planning.pose import PosePlan
+from jaxleg.planning.posture import CogPlan
+from jaxleg.planning.reference import Instant, phase_instants, to_reference
+from jaxleg.planning.states import Adjustments, Counts
+from jaxleg.planning.stations import Route, Stations, Stride, smooth_route, stations
+from jaxleg.planning.tree import SearchStatus
+from jaxleg.planning.walking import Timing, phase_legs, walk_phases
+from jaxleg.robot import Robot
+from jaxleg.terrain.cost_map import CostMap, CostWeights, combined, cost_weights
+from jaxleg.terrain.body_cost import body_cost, body_features
+from jaxleg.terrain.features import FeatureSettings, traversability
+from jaxleg.terrain.foothold_cost import FeetSettings, feet_cost, foothold_cost
+from jaxleg.terrain.foothold_features import foothold_features
+from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.terrain.validity import valid_cells
+
+
+class NavigationStatus(enum.IntEnum):
+    """Outcome of planning a walk; anything but `OK` is counted, never averaged over."""
+
+    OK = 0
+    NO_PATH = 1
+    START_BLOCKED = 2
+    GOAL_BLOCKED = 3
+    TOO_LONG = 4  # more cells or steps than allowed
+    NO_STANCE = 5  # no valid cell for some foot at the start
+    DEAD_END = 6  # no state leads on
+    BUDGET = 7  # as many candidates tried as allowed
+
+
+class FootRule(NamedTuple):
+    """Where a foot may be placed; static, see `valid_cells` and `traversability`."""
+
+    slope_limit: float  # [rad]
+    edge_height: float  # [m]
+    least_traversability: float
+
+
+class Survey(NamedTuple):
+    """What is worked out of a map once."""
+
+    scene: Scene
+    cost: CostMap
+
+
+class Walked(NamedTuple):
+    """A planned walk of one lane: the path, and the states before each step and at the end."""
+
+    status: Int[Array, ""]  # NavigationStatus
+    path: BodyPath
+    stations: Stations
+    states: State  # leading axis step + 1
+    count: Int[Array, ""]  # steps
+    visited: Int[Array, ""]  # candidates tried
+    causes: Int[Array, "cause"]
+    stuck: Float[Array, "2"]  # where the search went no further (x, y) [m]
+
+
+@dataclasses.dataclass(frozen=True)
+class Navigator:
+    """The robot and all numbers of a planner; `resolution` [m per cell] and the settings are static."""
+
+    robot: Robot
+    settings: Navigation
+    gait: GaitPlan
+    stride: Stride
+    timing: Timing
+    feet: FeetSettings
+    foot_rule: FootRule
+    resolution: float
+
+    def survey(self, terrain: HeightMap) -> Survey:
+        """Costs of the ground, valid cells and obstacles of a map. Paper C, 2.1 and 2.2."""
+        windows, weights, resolution = self.settings.cost.windows, self.weights, self.resolution
+        body = body_cost(body_features(terrain, resolution, windows.body), weights.body, windows.combine)
+        features = foothold_features(terrain, resolution, windows.foothold)
+        feet = feet_cost(features, resolution, self.feet, weights.feet)
+        angles = 0.25 * jnp.pi * jnp.arange(len(HEADINGS))
+        each = jax.vmap(jax.vmap(foothold_cost, in_axes=(None, None, None, 0)), in_axes=(None, None, 0, None))
+        cost = each(features, weights.feet, jnp.arange(len(LEGS)), angles)
+        scene = Scene(terrain, self.valid(terrain), cost, self.obstacles(terrain))
+        return Survey(scene, CostMap(combined(body, feet, weights.body_share), body, feet))
+
+    @property
+    def weights(self) -> CostWeights:
+        """Weights of the cost map."""
+        return cost_weights(self.settings.cost)
+
+    def valid(self, terrain: HeightMap) -> Bool[Array, "nx ny"]:
+        """Where a foot may be placed."""
+        rule, radius = self.foot_rule, float(self.robot.foot_radius)
+        easy = traversability(terrain, self.resolution, FeatureSettings()) >= rule.least_traversability
+        return valid_cells(terrain, self.resolution, radius, rule.slope_limit, rule.edge_height, easy)
+
+    def obstacles(self, terrain: HeightMap):
+        """The map widened for legs and trunk."""
+        radius = max(float(self.robot.leg_radius), float(self.robot.foot_radius))
+        return obstacles(terrain, self.resolution, radius, trunk_spacing(np.asarray(self.robot.trunk_size)))
+
+    def path(self, terrain: HeightMap, cost: Float[Array, "heading nx ny"], start: Float[Array, "2"], goal: Float[Array, "2"]):
+        """The body path between two points (x, y in W) [m]. Paper C, 2.3."""
+        weights = PathWeights(*(jnp.asarray(x, cost.dtype) for x in (self.settings.path.mu_distance, self.settings.path.mu_cost)))
+        ends = (nearest_cell(terrain, xy) for xy in (start, goal))
+        return find_path(cost, *ends, weights, jnp.full(2, self.resolution, cost.dtype), self.settings.path.cells)
+
+    def route(self, terrain: HeightMap, path: BodyPath) -> Route:
+        """The path, smoothed."""
+        points = terrain.origin + terrain.resolution * path.cells.astype(terrain.origin.dtype)
+        spacing, window = (jnp.asarray(x, points.dtype) for x in (0.5 * self.resolution, self.settings.path.smoothing))
+        return smooth_route(points, jnp.maximum(path.length, 1), spacing, window, 3 * self.settings.path.cells)
+
+    def walk(self, survey: Survey, start: Float[Array, "2"], goal: Float[Array, "2"], closed: Bool[Array, "nx ny"]) -> Walked:
+        """Path, stations and the series of gaits; `closed` cells are not walked over (detours). Paper C, 3."""
+        settings, terrain = self.settings, survey.scene.terrain
+        path = self.path(terrain, jnp.where(closed, jnp.inf, survey.cost.total), start, goal)
+        route = self.route(terrain, path)
+        steps = settings.path.steps
+        seen = stations(route, self.stride, route.direction[0], steps // 2 + 3)
+        root, standing = first_state(self.robot, self.gait, survey.scene, seen)
+        tree = settings.tree
+        usable = (path.status == PathStatus.OK) & standing
+        seen = seen._replace(count=jnp.where(usable, seen.count, 0))
+        found = gait_series(self.robot, self.gait, survey.scene, seen, root, steps, tree.depth, jnp.asarray(tree.budget))
+        status = jnp.where(found.status == SearchStatus.DEAD_END, NavigationStatus.DEAD_END, NavigationStatus.OK)
+        status = jnp.where(found.status == SearchStatus.BUDGET, NavigationStatus.BUDGET, status)
+        status = jnp.where(2 * seen.count > steps, NavigationStatus.TOO_LONG, status)
+        status = jnp.where(standing, status, NavigationStatus.NO_STANCE)
+        status = jnp.where(path.status == PathStatus.OK, status, path.status).astype(jnp.int32)
+        ahead = found.states.pose[found.furthest][5]
+        stuck = found.states.pose[found.furthest][:2] + 0.2 * jnp.stack([jnp.cos(ahead), jnp.sin(ahead)])
+        return Walked(status, path, seen, found.states, found.step, found.visited, found.causes, stuck)
+
+    def detour(self, terrain: HeightMap, walked: Walked, closed: Bool[Array, "nx ny"]) -> Bool[Array, "nx ny"]:
+        """`closed` with the ground round a walk's dead end."""
+        i, j = (terrain.resolution * jnp.arange(n) for n in closed.shape)
+        x, y = walked.stuck - terrain.origin
+        return closed | (jnp.hypot(i[:, None] - x, j[None, :] - y) < self.settings.path.detour_radius)
+
+    def phases(self, survey: Survey, walked: Walked) -> tuple[Phases, Bool[Array, "phase"]]:
+        """Timed phases of a walk, and which take part."""
+        count = jnp.where(walked.status == NavigationStatus.OK, walked.count, 0)
+        return walk_phases(self.robot, self.gait, self.timing, survey.scene.obstacles, walked.states, count)
+
+    @property
+    def samples(self) -> tuple[int, int]:
+        """Reference samples a shift and a swing."""
+        return self.settings.pace.shift_samples, self.settings.pace.swing_samples
+
+    def instants(self, phases: Phases) -> tuple[Float[Array, "t"], Instant]:
+        """The walk's reference in full, at sampled times [s]."""
+        legs = phase_legs(self.settings.path.steps)
+        return phase_instants(self.robot, phases, legs, self.gait.lift_share, self.timing.load_share, self.samples)
+
+    def reference(self, survey: Survey, walked: Walked) -> tuple[Reference, Int[Array, ""]]:
+        """What the joint controllers follow, and its last sample that takes part: the end of the final shift."""
+        phases, _ = self.phases(survey, walked)
+        reference = to_reference(*self.instants(phases))
+        count = jnp.where(walked.status == NavigationStatus.OK, walked.count, 0)
+        return reference, count * sum(self.samples) + self.samples[0]
+
+
+def make_navigator(
+    robot: Robot, settings: Navigation, gait: GaitParams, load_share: float, clearance: float, rule: FootRule, resolution: float
+) -> Navigator:
+    """The planner of a robot with a gait's stance, height, step and swing height; lengths [m]."""
+    tree, pose, pace = settings.tree, settings.pose, settings.pace
+    number = lambda x: jnp.asarray(x, float)  # noqa: E731
+    degrees = lambda x: number(np.deg2rad(x))  # noqa: E731
+    cog = CogPlan(number(pose.median_ratio), number(0.0), pose.rule)
+    half = 0.5 * float(np.hypot(tree.search_length, tree.search_width))
+    plan = GaitPlan(
+        pose=PosePlan(cog, number(pose.target_weight), number(pose.levelling)),
+        adjustments=Adjustments(
+            number(gait.hip_height), number(tree.height_step), degrees(tree.pitch_step_deg), degrees(tree.roll_step_deg)
+        ),
+        **{name: number(getattr(gait, name)) for name in ("stance_length", "stance_width", "swing_height")},
+        **{name: number(getattr(tree, name)) for name in ("search_length", "search_width", "cost_weight", "distance_weight")},
+        **{name: number(getattr(tree, name)) for name in ("energy_weight", "power")},
+        least_bend=degrees(pose.least_knee_bend_deg),
+        least_margin=number(pose.least_margin),
+        clearance=number(clearance),
+        lift_share=number(pace.lift_share),
+        counts=Counts(tree.footholds, tree.rolls, tree.pitches, tree.heights),
+        cells=int(np.ceil(half / resolution)),
+        order=tree.order,
+        prune=tree.prune,
+    )
+    radius = 0.5 * float(np.hypot(gait.stance_length, gait.stance_width))
+    stride = Stride(number(gait.step_length), degrees(settings.path.turn_deg), number(radius))
+    timing = Timing(*map(number, (pace.acceleration, pace.least_shift, pace.foot_speed, pace.least_swing, load_share)))
+    x, y = 0.5 * float(gait.stance_length), 0.5 * float(gait.stance_width)
+    stance = ((x, y), (x, -y), (-x, y), (-x, -y))
+    feet = dataclasses.replace(settings.cost.windows.feet, stance=stance)
+    return Navigator(robot, settings, plan, stride, timing, feet, rule, resolution)
