@@ -3,7 +3,8 @@
 Each feature is first made a score in [0, 1], 0 = good, by its critical value c: curvature and slope clip(x / c), concavity
 (1 + (angle - pi/2) / c) / 2, so that hollow ground is better than level and level better than a bump, and the uphill angle
 (1 -+ angle / c) / 2, minus for front feet, which like it uphill, plus for hind feet. A leg's weights are not negative and
-sum to 1, so its cost lies in [0, 1]. **Reading**: the paper gives the weighted sum, not the scores.
+sum to 1, so its cost lies in [0, 1]. A seen cell without a feature, a spike or a wall, has the worst score.
+**Reading**: the paper gives the weighted sum, not the scores.
 """
 
 import dataclasses
@@ -77,12 +78,13 @@ class LegWeights:
 def foothold_scores(
     features: FootholdFeatures, limit: Float[ArrayLike, "4"], leg: Int[ArrayLike, ""], heading: Float[ArrayLike, ""]
 ) -> Float[Array, "feature=8 nx ny"]:
-    """Scores in [0, 1] of each feature of `FEATURES` for a leg and a heading [rad], 0 = good; NaN without features."""
+    """Scores in [0, 1] of each feature of `FEATURES` for a leg and a heading [rad], 0 = good; NaN where unseen."""
     curvature, slope, hollow, rise = jnp.asarray(limit)
     bump = 0.5 + 0.5 * (features.concavity - 0.5 * jnp.pi) / hollow
     away = 0.5 - 0.5 * jnp.array(LEG_END, features.slope.dtype)[leg] * uphill(features.normal, heading) / rise
     scores = jnp.stack([features.curvature / curvature, features.slope / slope, bump, away], axis=1)
-    return jnp.clip(scores.reshape(len(FEATURES), *scores.shape[2:]), 0.0, 1.0)
+    scores = scores.reshape(len(FEATURES), *features.seen.shape)
+    return jnp.where(features.seen & jnp.isnan(scores), 1.0, jnp.clip(scores, 0.0, 1.0))
 
 
 def foothold_cost(
@@ -90,7 +92,7 @@ def foothold_cost(
 ) -> Float[Array, "nx ny"]:
     """Cost of a foothold on each cell for a leg that travels along any heading [rad, from x to the left]. Paper C, (12).
 
-    In [0, 1]; infinite where a cell has no features.
+    In [0, 1]; infinite where a cell is unseen.
     """
     scores = foothold_scores(features, weights.limit, leg, heading)
     cost = jnp.sum(jnp.asarray(weights.weight)[leg][:, None, None] * scores, axis=0)
@@ -103,7 +105,7 @@ def feet_cost(
     """Cost of the ground under the feet for the body's centre on each cell, for each of `HEADINGS`. Paper C, (14), (15).
 
     The mean over the legs of the mean foothold cost in the window round the leg's default foothold, which turns with the
-    heading. Cells without features are left out; infinite where a leg has none but such cells.
+    heading. Unseen cells are left out; infinite where a leg has none but such cells.
     """
     cells, used = _table(settings, resolution)
     reach = int(np.abs(cells).max())

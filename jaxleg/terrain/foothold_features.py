@@ -1,7 +1,8 @@
 """Features of a foothold on each cell: curvature, slope, concavity and uphill angle, each at two radii. Paper C, (11).
 
-Normal and curvature are those of the seen points inside a sphere about the foothold (principal component analysis). A cell
-without features (unseen, fewer than three seen points in the sphere, or all of them in a row seen from above) has NaN.
+Normal and curvature are those of the seen points inside a sphere about the foothold (principal component analysis). NaN where
+there are none: the cell is unseen, or the sphere has fewer than three seen points or only points in a row seen from above, as
+on a spike or a wall. The steepest slope that is still told from a wall is acos(cell / radius).
 """
 
 import dataclasses
@@ -12,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxleg.numerics import cross, dot, norm_safe
 from jaxleg.settings import setting
@@ -27,9 +28,9 @@ BORDER = 1e-4  # [cells]: a point this far beyond the sphere is still inside; ro
 
 @dataclasses.dataclass(frozen=True)
 class FootholdSettings:
-    """Radii of the sphere and of the circle of points; static. The defaults have 9 and 29 cells of 0.04 m on level ground."""
+    """Radii of the sphere and of the circle of points; static. The defaults have 13 and 49 cells of 0.04 m on level ground."""
 
-    radii: tuple[float, float] = setting((0.06, 0.12), above=0.0, max=2.0, unit="m", help="small and large")
+    radii: tuple[float, float] = setting((0.08, 0.16), above=0.0, max=2.0, unit="m", help="small and large")
 
 
 class FootholdFeatures(NamedTuple):
@@ -39,6 +40,7 @@ class FootholdFeatures(NamedTuple):
     slope: Float[Array, "radius nx ny"]  # between normal and vertical [rad]
     concavity: Float[Array, "radius nx ny"]  # mean angle between the normal and the ways to points around [rad]
     normal: Float[Array, "radius nx ny 3"]  # upward unit normal, in W
+    seen: Bool[Array, "nx ny"]
 
 
 def foothold_features(terrain: HeightMap, resolution: float, settings: FootholdSettings) -> FootholdFeatures:
@@ -53,7 +55,7 @@ def foothold_features(terrain: HeightMap, resolution: float, settings: FootholdS
     slope = jnp.arctan2(norm_safe(normal[..., :2]), normal[..., 2])
     concavity = jnp.stack([_concavity(elevation, resolution, radius, n) for radius, n in zip(settings.radii, normal)])
     known = [jnp.where(fits, value, jnp.nan) for value in (curvature, slope, concavity)]
-    return FootholdFeatures(*known, normal=jnp.where(fits[..., None], normal, jnp.nan))
+    return FootholdFeatures(*known, normal=jnp.where(fits[..., None], normal, jnp.nan), seen=~jnp.isnan(elevation))
 
 
 def uphill(normal: Float[Array, "*map 3"], heading: Float[ArrayLike, ""]) -> Float[Array, "*map"]:
