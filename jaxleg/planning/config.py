@@ -78,10 +78,22 @@ class PaceSettings:
 
 
 @dataclasses.dataclass(frozen=True)
+class FootingSettings:
+    """Where a foot may be placed (A9)."""
+
+    # a foot slides beyond atan(friction), 39 deg for the default: half of its tangent is kept in reserve
+    slope_limit_deg: float = setting(22.0, above=0.0, below=90.0, unit="deg", help="steepest valid foothold")
+    edge_height: float = setting(0.03, above=0.0, max=1.0, unit="m", help="a jump between cells that counts as an edge")
+    least_traversability: float = setting(0.6, min=0.0, max=1.0, help="of every cell under a foot, 1 = easy")
+    least_share: float = setting(0.1, min=0.0, max=1.0, help="of valid cells round each default foothold along a path")
+
+
+@dataclasses.dataclass(frozen=True)
 class Navigation:
     """From a map, a start and a goal to a walk. Paper C."""
 
     cost: CostSettings = setting(CostSettings())
+    footing: FootingSettings = setting(FootingSettings())
     path: PathSettings = setting(PathSettings())
     tree: TreeSettings = setting(TreeSettings())
     pose: PoseSettings = setting(PoseSettings())

@@ -205,7 +205,8 @@ def gait_nodes(robot: Robot, plan: GaitPlan, scene: Scene, stations: Stations) -
         leg, place = legs[step % 4], place_of(candidate, plan.counts)
         target = seen.foot[place.foothold]
         feet = state.feet.at[leg].set(target)
-        pose = swing_pose(robot, plan.pose, state.feet, feet, leg, adjustment(place, plan.adjustments, plan.counts))
+        adjust = adjustment(place, plan.adjustments, plan.counts)
+        pose = swing_pose(robot, plan.pose, state.feet, feet, leg, adjust, state.pose[5])
         cause = transition(robot, plan, scene.obstacles, state, leg, target, pose)
         cause = jnp.where(seen.exists[place.foothold], cause, Cause.NO_FOOTHOLD).astype(jnp.int32)
         gone = pruned(candidate, cause, plan.counts)
@@ -230,7 +231,7 @@ def _order(robot: Robot, plan: GaitPlan, state: State, leg, seen: Footing) -> In
     weight = (jnp.arange(4) != leg).astype(feet.dtype)
 
     def power(adjust):
-        return holding_power(robot, feet, swing_pose(robot, plan.pose, state.feet, feet, leg, adjust), weight)
+        return holding_power(robot, feet, swing_pose(robot, plan.pose, state.feet, feet, leg, adjust, state.pose[5]), weight)
 
     value = plan.energy_weight / plan.power * jax.vmap(power)(adjust)
     return jnp.argsort((seen.cost[:, None] + jnp.nan_to_num(value, nan=jnp.inf)).reshape(-1))
@@ -251,7 +252,7 @@ def first_state(robot: Robot, plan: GaitPlan, scene: Scene, stations: Stations) 
     seen = jax.vmap(choose)(legs, station)
     feet = seen.foot[:, 0]
     level = jnp.stack([plan.adjustments.height, *jnp.zeros(2, feet.dtype)])
-    return State(feet, stand_pose(robot, plan.pose, feet, level)), jnp.all(seen.exists[:, 0])
+    return State(feet, stand_pose(robot, plan.pose, feet, level, stations.yaw[0])), jnp.all(seen.exists[:, 0])
 
 
 def gait_series(

@@ -22,7 +22,7 @@ from jaxleg.planning.gaits import GaitPlan, Scene, State, first_state, gait_seri
 from jaxleg.planning.path import BodyPath, PathStatus, PathWeights, find_path
 from jaxleg.planning.pose import PosePlan
 from jaxleg.planning.posture import CogPlan
-from jaxleg.planning.reference import Instant, phase_instants, to_reference
+from jaxleg.planning.reference import phase_instants, phase_samples, to_reference
 from jaxleg.planning.states import Adjustments, Counts
 from jaxleg.planning.stations import Route, Stations, Stride, smooth_route, stations
 from jaxleg.planning.tree import SearchStatus
@@ -31,7 +31,7 @@ from jaxleg.robot import Robot
 from jaxleg.terrain.cost_map import CostMap, CostWeights, combined, cost_weights
 from jaxleg.terrain.body_cost import body_cost, body_features
 from jaxleg.terrain.features import FeatureSettings, traversability
-from jaxleg.terrain.foothold_cost import FeetSettings, feet_cost, foothold_cost
+from jaxleg.terrain.foothold_cost import FeetSettings, feet_cost, foothold_cost, least_footing
 from jaxleg.terrain.foothold_features import foothold_features
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.validity import valid_cells
@@ -48,14 +48,6 @@ class NavigationStatus(enum.IntEnum):
     NO_STANCE = 5  # no valid cell for some foot at the start
     DEAD_END = 6  # no state leads on
     BUDGET = 7  # as many candidates tried as allowed
-
-
-class FootRule(NamedTuple):
-    """Where a foot may be placed; static, see `valid_cells` and `traversability`."""
-
-    slope_limit: float  # [rad]
-    edge_height: float  # [m]
-    least_traversability: float
 
 
 class Survey(NamedTuple):
@@ -78,6 +70,16 @@ class Walked(NamedTuple):
     stuck: Float[Array, "2"]  # where the search went no further (x, y) [m]
 
 
+class Planned(NamedTuple):
+    """A walk in time."""
+
+    phases: Phases
+    reference: Reference
+    last: Int[Array, ""]  # the reference's last sample that takes part: the end of the final shift
+    knee_bend: Float[Array, ""]  # least [rad]
+    torque_ratio: Float[Array, ""]  # greatest |torque| over its limit
+
+
 @dataclasses.dataclass(frozen=True)
 class Navigator:
     """The robot and all numbers of a planner; `resolution` [m per cell] and the settings are static."""
@@ -88,11 +90,13 @@ class Navigator:
     stride: Stride
     timing: Timing
     feet: FeetSettings
-    foot_rule: FootRule
     resolution: float
 
     def survey(self, terrain: HeightMap) -> Survey:
-        """Costs of the ground, valid cells and obstacles of a map. Paper C, 2.1 and 2.2."""
+        """Costs of the ground, valid cells and obstacles of a map. Paper C, 2.1 and 2.2.
+
+        Beyond the paper a path needs valid cells round every default foothold (`footing.least_share`).
+        """
         windows, weights, resolution = self.settings.cost.windows, self.weights, self.resolution
         body = body_cost(body_features(terrain, resolution, windows.body), weights.body, windows.combine)
         features = foothold_features(terrain, resolution, windows.foothold)
@@ -101,7 +105,9 @@ class Navigator:
         each = jax.vmap(jax.vmap(foothold_cost, in_axes=(None, None, None, 0)), in_axes=(None, None, 0, None))
         cost = each(features, weights.feet, jnp.arange(len(LEGS)), angles)
         scene = Scene(terrain, self.valid(terrain), cost, self.obstacles(terrain))
-        return Survey(scene, CostMap(combined(body, feet, weights.body_share), body, feet))
+        footing = least_footing(scene.valid, resolution, self.feet) >= self.settings.footing.least_share
+        total = jnp.where(footing, combined(body, feet, weights.body_share), jnp.inf)
+        return Survey(scene, CostMap(total, body, feet))
 
     @property
     def weights(self) -> CostWeights:
@@ -110,9 +116,9 @@ class Navigator:
 
     def valid(self, terrain: HeightMap) -> Bool[Array, "nx ny"]:
         """Where a foot may be placed."""
-        rule, radius = self.foot_rule, float(self.robot.foot_radius)
+        rule, radius = self.settings.footing, float(self.robot.foot_radius)
         easy = traversability(terrain, self.resolution, FeatureSettings()) >= rule.least_traversability
-        return valid_cells(terrain, self.resolution, radius, rule.slope_limit, rule.edge_height, easy)
+        return valid_cells(terrain, self.resolution, radius, float(np.deg2rad(rule.slope_limit_deg)), rule.edge_height, easy)
 
     def obstacles(self, terrain: HeightMap):
         """The map widened for legs and trunk."""
@@ -158,31 +164,26 @@ class Navigator:
         x, y = walked.stuck - terrain.origin
         return closed | (jnp.hypot(i[:, None] - x, j[None, :] - y) < self.settings.path.detour_radius)
 
-    def phases(self, survey: Survey, walked: Walked) -> tuple[Phases, Bool[Array, "phase"]]:
-        """Timed phases of a walk, and which take part."""
-        count = jnp.where(walked.status == NavigationStatus.OK, walked.count, 0)
-        return walk_phases(self.robot, self.gait, self.timing, survey.scene.obstacles, walked.states, count)
-
     @property
     def samples(self) -> tuple[int, int]:
         """Reference samples a shift and a swing."""
         return self.settings.pace.shift_samples, self.settings.pace.swing_samples
 
-    def instants(self, phases: Phases) -> tuple[Float[Array, "t"], Instant]:
-        """The walk's reference in full, at sampled times [s]."""
-        legs = phase_legs(self.settings.path.steps)
-        return phase_instants(self.robot, phases, legs, self.gait.lift_share, self.timing.load_share, self.samples)
-
-    def reference(self, survey: Survey, walked: Walked) -> tuple[Reference, Int[Array, ""]]:
-        """What the joint controllers follow, and its last sample that takes part: the end of the final shift."""
-        phases, _ = self.phases(survey, walked)
-        reference = to_reference(*self.instants(phases))
+    def planned(self, survey: Survey, walked: Walked) -> Planned:
+        """A walk's phases and reference; standing where there is no walk."""
         count = jnp.where(walked.status == NavigationStatus.OK, walked.count, 0)
-        return reference, count * sum(self.samples) + self.samples[0]
+        ground, steps = survey.scene.obstacles, self.settings.path.steps
+        phases, valid = walk_phases(self.robot, self.gait, self.timing, ground, walked.states, count)
+        legs = phase_legs(steps)
+        time, at = phase_instants(self.robot, phases, legs, self.gait.lift_share, self.timing.load_share, self.samples)
+        used = valid[phase_samples(self.samples, legs)[0]]
+        bend = jnp.min(jnp.where(used[:, None], at.bend, jnp.inf))
+        ratio = jnp.max(jnp.where(used[:, None, None], jnp.abs(at.torque) / self.robot.torque_limit, 0.0))
+        return Planned(phases, to_reference(time, at), count * sum(self.samples) + self.samples[0], bend, ratio)
 
 
 def make_navigator(
-    robot: Robot, settings: Navigation, gait: GaitParams, load_share: float, clearance: float, rule: FootRule, resolution: float
+    robot: Robot, settings: Navigation, gait: GaitParams, load_share: float, clearance: float, resolution: float
 ) -> Navigator:
     """The planner of a robot with a gait's stance, height, step and swing height; lengths [m]."""
     tree, pose, pace = settings.tree, settings.pose, settings.pace
@@ -213,4 +214,4 @@ def make_navigator(
     x, y = 0.5 * float(gait.stance_length), 0.5 * float(gait.stance_width)
     stance = ((x, y), (x, -y), (-x, y), (-x, -y))
     feet = dataclasses.replace(settings.cost.windows.feet, stance=stance)
-    return Navigator(robot, settings, plan, stride, timing, feet, rule, resolution)
+    return Navigator(robot, settings, plan, stride, timing, feet, resolution)

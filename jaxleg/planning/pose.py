@@ -49,10 +49,11 @@ def plane_turn(plane: Float[Array, "3"], yaw: Float[Array, ""]) -> Float[Array, 
     return jnp.stack([jnp.arctan(ahead), jnp.arctan2(aside, jnp.sqrt(1.0 + ahead**2))])
 
 
-def feet_yaw(feet: Float[Array, "leg 3"]) -> Float[Array, ""]:
-    """Yaw [rad] from the middle of the hind feet to the middle of the front ones (C, Fig. 4)."""
+def feet_yaw(feet: Float[Array, "leg 3"], near: Float[Array, ""]) -> Float[Array, ""]:
+    """Yaw [rad] from the middle of the hind feet to the middle of the front ones (C, Fig. 4), within a half turn of `near`."""
     ahead = jnp.sum(jnp.asarray(LEG_END, feet.dtype)[:, None] * feet[:, :2], axis=0)
-    return jnp.arctan2(ahead[1], ahead[0])
+    c, s = jnp.cos(near), jnp.sin(near)
+    return near + jnp.arctan2(c * ahead[1] - s * ahead[0], c * ahead[0] + s * ahead[1])
 
 
 def cog_point(cog: CogPlan, before: Float[Array, "leg 3"], after: Float[Array, "leg 3"], leg: Int[Array, ""]) -> Float[Array, "2"]:
@@ -76,26 +77,31 @@ def swing_pose(
     after: Float[Array, "leg 3"],
     leg: Int[Array, ""],
     adjust: Float[Array, "3"],
+    yaw: Float[Array, ""],
 ) -> Float[Array, "6"]:
     """Trunk pose for a swing of `leg`; `adjust` is its height over the plane [m], then pitch and roll beyond the plane's [rad].
+
+    `yaw` [rad] is the one before: the pose's is within a half turn of it.
 
     Paper C's five steps: plane of the feet, point of the centre of gravity, height over it, yaw from the feet with the target,
     roll and pitch with the plane. The point is that of the centre of mass, legs included (reading, as A12).
     """
     flying = jnp.arange(4) == leg
     plane = support_plane(after, jnp.where(flying, plan.target_weight, 1.0))
-    return pose_over(robot, plan, after, plane, cog_point(plan.cog, before, after, leg), adjust)
+    return pose_over(robot, plan, after, plane, cog_point(plan.cog, before, after, leg), adjust, yaw)
 
 
-def stand_pose(robot: Robot, plan: PosePlan, feet: Float[Array, "leg 3"], adjust: Float[Array, "3"]) -> Float[Array, "6"]:
+def stand_pose(
+    robot: Robot, plan: PosePlan, feet: Float[Array, "leg 3"], adjust: Float[Array, "3"], yaw: Float[Array, ""]
+) -> Float[Array, "6"]:
     """Trunk pose of standing on four feet, the centre of mass over their middle; arguments as in `swing_pose`."""
     plane = support_plane(feet, jnp.ones(4, feet.dtype))
-    return pose_over(robot, plan, feet, plane, jnp.mean(feet[:, :2], axis=0), adjust)
+    return pose_over(robot, plan, feet, plane, jnp.mean(feet[:, :2], axis=0), adjust, yaw)
 
 
-def pose_over(robot, plan: PosePlan, feet, plane, point, adjust) -> Float[Array, "6"]:
+def pose_over(robot, plan: PosePlan, feet, plane, point, adjust, near) -> Float[Array, "6"]:
     """The pose with its centre of mass over a point (x, y) [m]: two passes, because the legs' masses move with the trunk."""
-    yaw = feet_yaw(feet)
+    yaw = feet_yaw(feet, near)
     turn = jnp.append((1.0 - plan.levelling) * plane_turn(plane, yaw) + adjust[1:], yaw)
 
     def over(xy):

@@ -48,7 +48,7 @@ def walk_phases(
     feet = jax.tree.map(lambda x: x[jnp.minimum(step, count)], states.feet)
     after = jnp.where(walked[:, None, None], states.feet[jnp.minimum(step + 1, steps)], feet)
     level = jnp.stack([plan.adjustments.height, *jnp.zeros(2, feet.dtype)])
-    end = stand_pose(robot, plan.pose, states.feet[count], level)
+    end = stand_pose(robot, plan.pose, states.feet[count], level, states.pose[count, 5])
     pose = jnp.where((step <= count)[:, None], states.pose[jnp.minimum(step, count)], end)
     target = jnp.where(walked[:, None], states.pose[jnp.minimum(step + 1, steps)], end)
     leg = jnp.resize(jnp.array(STEP_LEGS), steps + 1)

@@ -9,13 +9,14 @@ sum to 1, so its cost lies in [0, 1]. A seen cell without a feature, a spike or 
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.conventions import HEADINGS, LEG_END, LEGS, InputError
 from jaxleg.settings import setting
@@ -107,18 +108,36 @@ def feet_cost(
     The mean over the legs of the mean foothold cost in the window round the leg's default foothold, which turns with the
     heading. Unseen cells are left out; infinite where a leg has none but such cells.
     """
+    return jnp.mean(
+        window_means(lambda leg, turn: foothold_cost(features, weights, leg, 0.25 * jnp.pi * turn), resolution, settings), axis=1
+    )
+
+
+def least_footing(
+    valid: Bool[Array, "nx ny"], resolution: float, settings: FeetSettings
+) -> Float[Array, "heading nx ny"]:
+    """Share of cells where a foot may stand in the window of the leg that has the fewest, as `feet_cost`'s."""
+    share = valid.astype(jnp.result_type(float))
+    return jnp.min(window_means(lambda leg, turn: share, resolution, settings), axis=1)
+
+
+def window_means(
+    of: Callable[[Int[Array, ""], Int[Array, ""]], Float[Array, "nx ny"]], resolution: float, settings: FeetSettings
+) -> Float[Array, "heading leg nx ny"]:
+    """Means of a map, given for a leg and a heading's number, over the window round that leg's default foothold.
+
+    For the body's centre on each cell; the finite cells of a window count, infinite where it has none.
+    """
     cells, used = _table(settings, resolution)
     reach = int(np.abs(cells).max())
 
-    def under(leg, turn):
-        cost = foothold_cost(features, weights, leg, 0.25 * jnp.pi * turn)
-        padded = jnp.pad(cost, reach, constant_values=jnp.inf)
-        return _mean(padded, reach + jnp.array(cells)[turn, leg], jnp.array(used)[turn, leg], cost.shape)
+    def under(turn, leg):
+        values = of(leg, turn)
+        padded = jnp.pad(values, reach, constant_values=jnp.inf)
+        return _mean(padded, reach + jnp.array(cells)[turn, leg], jnp.array(used)[turn, leg], values.shape)
 
-    def feet(turn):
-        return jnp.mean(jax.lax.map(lambda leg: under(leg, turn), jnp.arange(len(LEGS))), axis=0)
-
-    return jax.lax.map(feet, jnp.arange(len(HEADINGS)))
+    legs = jnp.arange(len(LEGS))
+    return jax.lax.map(lambda turn: jax.lax.map(lambda leg: under(turn, leg), legs), jnp.arange(len(HEADINGS)))
 
 
 def _mean(padded, corners, used, shape):

@@ -1,0 +1,131 @@
+"""Walks over 200 maps that the planner has made up its mind about alone: paper C from map to goal, simulated in MJX.
+
+Maps of 8 x 4 m, cells of 0.04 m, seeds 0 to 199: every other one cuboids (0.3 x 0.3 m, +-0.1 m at difficulty 1), the others
+fractal ground; difficulty spread over [0, 1]. Start and goal at random, at least 5 m apart. How many have a path, how many of
+these are walked to the goal without a fall or trunk contact, every failure's cause, touch-down accuracy, success against
+difficulty; 20 walks again in C MuJoCo.
+
+    python -m experiments.walk_maps [--quick]
+"""
+
+import dataclasses
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+
+from experiments.common import setup, write
+from jaxleg.energy import CONVENTIONS, electrical
+from jaxleg.planning.navigation import NavigationStatus, Navigator, Survey, Walked
+from jaxleg.planning.states import Cause
+from jaxleg.robot import Robot
+from jaxleg.search.config import Gait, Study
+from jaxleg.search.navigate import Outcome, navigate, navigator_of, on_valid_cells, simulate_all, survey_all
+from jaxleg.sim.contact import Ground
+from jaxleg.sim.engine import mjx_engine
+from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
+
+GRID = Grid(200, 100, 0.04, (0.02, 0.02))
+KINDS = ("cuboids", "fractal")
+MAPS, REPLAYS, APART = 200, 20, 5.0
+GAIT = Gait(hip_height=0.46)
+
+
+class World(NamedTuple):
+    """Maps with where to go on them."""
+
+    maps: HeightMap
+    start: np.ndarray  # (map, 2) [m]
+    goal: np.ndarray
+    kind: np.ndarray  # index in KINDS
+    difficulty: np.ndarray
+
+
+def world(count: int) -> World:
+    """Maps of seeds 0, 1, ..., kinds in turn, difficulty rising."""
+    make = {
+        kind: jax.jit(lambda seed, difficulty, kind=kind: terrain(kind, GRID, jax.random.key(seed), difficulty, TerrainSettings()))
+        for kind in KINDS
+    }
+    difficulty = (np.arange(count) // 2 + 0.5) / (count / 2)
+    maps = [make[KINDS[i % 2]](i, difficulty[i].astype(np.float32)) for i in range(count)]
+    ends = np.array([_ends(i) for i in range(count)], np.float32)
+    return World(jax.tree.map(lambda *x: np.stack(x), *maps), ends[:, 0], ends[:, 1], np.arange(count) % 2, difficulty)
+
+
+def _ends(seed: int) -> np.ndarray:
+    """Start and goal at least `APART` apart, 0.8 m off the border."""
+    rng = np.random.default_rng(seed)
+    low, high = np.array([0.8, 0.8]), np.array([7.2, 3.2])
+    while True:
+        ends = rng.uniform(low, high, (2, 2))
+        if np.linalg.norm(ends[1] - ends[0]) >= APART:
+            return ends
+
+
+def main(out: Path | None = None, quick: bool = False) -> None:
+    """Plan, walk, count; `quick` takes 16 maps."""
+    study, lab = setup()
+    there = world(16 if quick else MAPS)
+    navigator = navigator_of(study, lab.robot, GAIT, GRID.resolution)
+    surveys = survey_all(navigator, there.maps)
+    walked, detours = navigate(navigator, surveys, there.start, there.goal)
+    seen = simulate_all(navigator, lab.engine, lab.ground, surveys, walked, there.goal)
+    result = summary(there, walked, detours, seen, on_valid_cells(surveys, walked))
+    show(result)
+    write("walk_maps", out, result)
+
+
+def summary(there: World, walked: Walked, detours: np.ndarray, seen: Outcome, valid: np.ndarray) -> dict[str, Any]:
+    """The rows of the result, and every failure's cause."""
+    status = walked.status
+    path = ~np.isin(status, (NavigationStatus.NO_PATH, NavigationStatus.START_BLOCKED, NavigationStatus.GOAL_BLOCKED))
+    planned = status == NavigationStatus.OK
+    success = planned & seen.finished & (seen.left < 0.3)
+    landing = seen.landing.max(axis=1)
+    failures = [
+        {
+            "map": int(i),
+            "kind": KINDS[there.kind[i]],
+            "difficulty": float(there.difficulty[i]),
+            "cause": NavigationStatus(status[i]).name.lower() if not planned[i] else "fell" if seen.followed.meters.fell[i] else "short",
+        }
+        for i in np.flatnonzero(~success)
+    ]
+    return {
+        "maps": len(path),
+        "with_path": int(path.sum()),
+        "planned": int(planned.sum()),
+        "walked": int(success.sum()),
+        "walked_of_path": float(success.sum() / path.sum()),
+        "falls": int((planned & seen.followed.meters.fell).sum()),
+        "footholds_on_invalid_cells": int((planned & ~valid).sum()),
+        "landing_worst_m": float(landing[success].max()),
+        "landing_over_2cm": int((landing[planned] > 0.02).sum()),
+        "margin_least_m": float(seen.followed.meters.margin[success].min()),
+        "knee_bend_least_deg": float(np.rad2deg(seen.knee_bend[planned].min())),
+        "torque_ratio_greatest": float(seen.torque_ratio[planned].max()),
+        "left_worst_m": float(seen.left[success].max()),
+        "seconds_mean": float(seen.time[planned].mean()),
+        "steps_mean": float(walked.count[planned].mean()),
+        "tried_a_step": float(walked.visited[planned].sum() / walked.count[planned].sum()),
+        "with_detours": int((planned & (detours > 0)).sum()),
+        "causes_of_refused_candidates": {c.name.lower(): int(walked.causes[:, c].sum()) for c in Cause if c},
+        "failures": failures,
+    }
+
+
+def show(result: dict[str, Any]) -> None:
+    """A line a number."""
+    for name, value in result.items():
+        if name != "failures":
+            print(f"{name:32s}{value}")
+    for failure in result["failures"]:
+        print("failed:", failure)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -1,0 +1,134 @@
+"""Paper C's planner over many maps at once, and its walks in simulation.
+
+The lanes of a stage run together; a lane that meets a dead end takes another path in the next round, with the others of its
+kind. Results are NumPy arrays with a leading axis.
+"""
+
+import functools
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxleg.planning.footholds import nearest_cell
+from jaxleg.planning.navigation import NavigationStatus, Navigator, Planned, Survey, Walked, make_navigator
+from jaxleg.planning.pose import STEP_LEGS
+from jaxleg.robot import Robot
+from jaxleg.search.batches import over_lanes, shared_out
+from jaxleg.search.config import Gait, Study
+from jaxleg.sim.contact import Ground
+from jaxleg.sim.engine import Engine
+from jaxleg.sim.follow import Followed, follow, landing_errors
+from jaxleg.terrain.heightmap import HeightMap
+
+CHUNK = 8  # maps that a device works on at once
+
+
+class Outcome(NamedTuple):
+    """A walk in simulation."""
+
+    followed: Followed
+    landing: Float[Array, "step"]  # of each foot from its foothold at the end of its step [m]; 0 where none swung
+    time: Float[Array, ""]  # of the plan [s]
+    finished: Bool[Array, ""]  # followed to its end without a fall
+    left: Float[Array, ""]  # trunk's horizontal distance to the goal at the end [m]
+    knee_bend: Float[Array, ""]  # least of the plan [rad]
+    torque_ratio: Float[Array, ""]  # greatest planned |torque| over its limit
+
+
+def navigator_of(study: Study, robot: Robot, gait: Gait, resolution: float) -> Navigator:
+    """The planner of a study's settings on maps of a resolution [m per cell]."""
+    simulation = study.simulation
+    return make_navigator(robot, study.navigation, gait, simulation.load_share, simulation.clearance, resolution)
+
+
+def navigate(
+    navigator: Navigator, surveys: Survey, start: Float[np.ndarray, "map 2"], goal: Float[np.ndarray, "map 2"]
+) -> tuple[Walked, Int[np.ndarray, "map"]]:
+    """Plan a walk on every map, and how many detours each took. A lane stuck with every path keeps its last status."""
+    walk = over_lanes(navigator.walk, CHUNK)
+    closed = np.zeros(surveys.scene.valid.shape, bool)
+    walked = walk(surveys, start, goal, closed)
+    detours = np.zeros(len(closed), int)
+    for _ in range(navigator.settings.path.detours):
+        lost = np.flatnonzero(np.isin(walked.status, (NavigationStatus.DEAD_END, NavigationStatus.BUDGET)))
+        if not len(lost):
+            break
+        part = _take((surveys, walked), lost)
+        closed[lost] = over_lanes(navigator.detour, CHUNK)(part[0].scene.terrain, part[1], closed[lost])
+        again = walk(part[0], start[lost], goal[lost], closed[lost])
+        found = again.status <= NavigationStatus.OK
+        retry = found | np.isin(again.status, (NavigationStatus.DEAD_END, NavigationStatus.BUDGET))
+        detours[lost[retry]] += 1
+        walked = jax.tree.map(lambda x, y: _put(x, lost[retry], y[retry]), walked, again)
+        closed[lost[~retry]] = True  # no other path is left: the dead end stays its cause
+    return walked, detours
+
+
+def survey_all(navigator: Navigator, maps: HeightMap) -> Survey:
+    """`Navigator.survey` of maps with a leading axis."""
+    return over_lanes(navigator.survey, CHUNK)(maps)
+
+
+def simulate_all(
+    navigator: Navigator, engine: Engine, ground: Ground, surveys: Survey, walked: Walked, goal: Float[np.ndarray, "map 2"]
+) -> Outcome:
+    """Follow every plan in MJX; lanes without a plan stand. Lanes of about the same length run together."""
+    count = len(goal)
+    length = np.where(walked.status == NavigationStatus.OK, walked.count, 0)
+    order, group = np.argsort(length, kind="stable"), CHUNK * jax.local_device_count()
+    plan = over_lanes(navigator.planned, CHUNK)
+    lane = functools.partial(_simulated, navigator, engine, ground)
+    run = shared_out(jax.vmap(lane, in_axes=(None, 0, 0, 0)), CHUNK)
+    parts = []
+    for first in range(0, count, group):
+        lanes = order[first : first + group]
+        part = _take((surveys, walked), lanes)
+        planned = plan(*part)
+        time = planned.reference.time[np.arange(len(lanes)), planned.last]
+        ticks = np.int32(np.ceil(time.max() / navigator.settings.pace.tick) + 1)
+        parts.append(run(part[0].scene.terrain, planned, goal[lanes], common=(ticks,)))
+    back = np.argsort(order)
+    return jax.tree.map(lambda *x: np.concatenate(x)[back], *parts)
+
+
+def _simulated(navigator: Navigator, engine: Engine, ground: Ground, ticks, terrain, planned: Planned, goal) -> Outcome:
+    per_step, tick = sum(navigator.samples), jnp.asarray(navigator.settings.pace.tick, goal.dtype)
+    seen = follow(engine, navigator.robot, ground, terrain, planned.reference, planned.last, per_step, tick, ticks)
+    landing = landing_errors(planned.reference, seen, per_step, STEP_LEGS)
+    swung = jnp.arange(landing.shape[0]) < jnp.minimum(seen.reached, planned.last) // per_step
+    end = seen.trunk[jnp.minimum(planned.last // per_step, landing.shape[0] - 1), :2]
+    finished = (seen.reached >= planned.last) & ~seen.meters.fell
+    return Outcome(
+        followed=seen,
+        landing=jnp.where(swung, landing, 0.0),
+        time=planned.reference.time[planned.last],
+        finished=finished,
+        left=jnp.linalg.norm(end - goal),
+        knee_bend=planned.knee_bend,
+        torque_ratio=planned.torque_ratio,
+    )
+
+
+def on_valid_cells(surveys: Survey, walked: Walked) -> Bool[np.ndarray, "map"]:
+    """Whether every foothold of a walk, from its first stance on, is the centre of a valid cell."""
+
+    def lane(terrain: HeightMap, valid, states, count):
+        cell = nearest_cell(terrain, states.feet[..., :2])
+        centre = terrain.origin + terrain.resolution * cell.astype(states.feet.dtype)
+        fine = valid[cell[..., 0], cell[..., 1]] & (jnp.max(jnp.abs(centre - states.feet[..., :2]), axis=-1) < 1e-3)
+        return jnp.all(fine | (jnp.arange(fine.shape[0]) > count)[:, None])
+
+    return over_lanes(lane, CHUNK)(surveys.scene.terrain, surveys.scene.valid, walked.states, walked.count)
+
+
+def _take(tree: Any, lanes: np.ndarray) -> Any:
+    return jax.tree.map(lambda x: np.asarray(x)[lanes], tree)
+
+
+def _put(x: np.ndarray, lanes: np.ndarray, values: np.ndarray) -> np.ndarray:
+    x = np.array(x)
+    x[lanes] = values
+    return x
