@@ -44,4 +44,4 @@ def test_imports_point_one_way(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_only_the_command_line_configures_jax(path):
-    assert path.name == "cli.py" or "jax.config" not in path.read_text()
+    assert room(path.relative_to(ROOT).parts) == "cli" or "jax.config" not in path.read_text()

@@ -83,6 +83,7 @@ class FootingSettings:
 
     # a foot slides beyond atan(friction), 39 deg for the default: half of its tangent is kept in reserve
     slope_limit_deg: float = setting(22.0, above=0.0, below=90.0, unit="deg", help="steepest valid foothold")
+    side_slope_limit_deg: float = setting(28.0, above=0.0, below=90.0, unit="deg", help="of the ground to any neighbour")
     edge_height: float = setting(0.03, above=0.0, max=1.0, unit="m", help="a jump between cells that counts as an edge")
     least_traversability: float = setting(0.6, min=0.0, max=1.0, help="of every cell under a foot, 1 = easy")
     least_share: float = setting(0.1, min=0.0, max=1.0, help="of valid cells round each default foothold along a path")

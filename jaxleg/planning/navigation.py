@@ -34,7 +34,7 @@ from jaxleg.terrain.features import FeatureSettings, traversability
 from jaxleg.terrain.foothold_cost import FeetSettings, feet_cost, foothold_cost, least_footing
 from jaxleg.terrain.foothold_features import foothold_features
 from jaxleg.terrain.heightmap import HeightMap
-from jaxleg.terrain.validity import valid_cells
+from jaxleg.terrain.validity import steepest_side, valid_cells
 
 
 class NavigationStatus(enum.IntEnum):
@@ -118,7 +118,9 @@ class Navigator:
         """Where a foot may be placed."""
         rule, radius = self.settings.footing, float(self.robot.foot_radius)
         easy = traversability(terrain, self.resolution, FeatureSettings()) >= rule.least_traversability
-        return valid_cells(terrain, self.resolution, radius, float(np.deg2rad(rule.slope_limit_deg)), rule.edge_height, easy)
+        firm = steepest_side(terrain) <= np.deg2rad(rule.side_slope_limit_deg)
+        slope = float(np.deg2rad(rule.slope_limit_deg))
+        return valid_cells(terrain, self.resolution, radius, slope, rule.edge_height, easy) & firm
 
     def obstacles(self, terrain: HeightMap):
         """The map widened for legs and trunk."""

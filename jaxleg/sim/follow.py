@@ -23,7 +23,7 @@ from jaxleg.robot import Robot
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
 from jaxleg.sim.rollout import Meters, _measure, _no_meters, fallen
-from jaxleg.sim.step import advance, initial_state
+from jaxleg.sim.step import State, advance, initial_state
 from jaxleg.sim.tracking import Tracking
 from jaxleg.terrain.heightmap import HeightMap
 
@@ -91,6 +91,59 @@ def _unit(quaternion):
     return quaternion * jax.lax.rsqrt(jnp.sum(quaternion**2))
 
 
+class _Walk(NamedTuple):
+    """A walk under way."""
+
+    state: State
+    meters: Meters
+    alive: Bool[Array, ""]
+    index: Int[Array, ""]  # sample of the reference that is past
+    time: Float[Array, ""]  # on the reference [s]
+    feet: Float[Array, "step leg 3"]
+    trunk: Float[Array, "step 7"]
+
+
+def command(low: Reference, high: Reference, time: Float[Array, ""], dt: Float[Array, ""], now: Posture) -> Tracking:
+    """What the joint controllers get at a time [s] between two samples for the tick of dt [s] that begins."""
+    row, later = between(low, high, time), between(low, high, time + dt)
+    torque = 0.5 * (row.joint_torque + later.joint_torque)
+    return Tracking(corrected(row, now), later.joint_vel, torque, dt)
+
+
+def _walker(engine: Engine, robot: Robot, ground: Ground, terrain: HeightMap, reference: Reference, last, per_step: int, dt):
+    """A walk that has not begun, and the function that takes it on by a tick."""
+    start, rows = initial_state(robot, ground, reference), to_rows(reference)
+    stand = start.q[2] - jnp.mean(reference.foot_pos[0, :, 2])
+    steps, dtype = -(-(reference.time.shape[0] - 1) // per_step), start.q.dtype
+    zero = jnp.zeros((), dtype)
+    kept = jnp.zeros((steps, 4, 3), dtype), jnp.zeros((steps, 7), dtype)
+    first = _Walk(start, _no_meters(dtype), jnp.array(True), jnp.zeros((), jnp.int32), zero, *kept)
+
+    def tick(walk: _Walk) -> _Walk:
+        state, going = walk.state, walk.alive & (walk.index < last)
+        terms = engine(state.q, state.v)
+        low, high = samples_at(rows, walk.index)
+        now = command(low, high, walk.time, dt, Posture(state.q[:3], state.q[3:7], terms.foot, terms.foot_by_leg))
+        now = now._replace(velocity=jnp.where(walk.index < last, now.velocity, 0.0))
+        after, seen = advance(terms, robot, ground, terrain, state, now)
+        alive = walk.alive & jnp.all(jnp.isfinite(after.q)) & ~fallen(robot, terrain, after, seen.foot, stand)
+        after = jax.tree.map(lambda a, b: jnp.where(alive, a, b), after, state)
+        going = going & alive
+        place = jnp.where(going, walk.index // per_step, steps)
+        time = walk.time + jnp.where(going, dt, 0.0)
+        return _Walk(
+            state=after,
+            meters=_measure(walk.meters, seen, after, state, going.astype(dtype), dt),
+            alive=alive,
+            index=walk.index + (going & (time >= high.time)),
+            time=time,
+            feet=walk.feet.at[place].set(terms.foot, mode="drop"),
+            trunk=walk.trunk.at[place].set(after.q[:7], mode="drop"),
+        )
+
+    return first, tick
+
+
 def follow(
     engine: Engine,
     robot: Robot,
@@ -107,35 +160,30 @@ def follow(
     `ticks` must cover the longest lane (not batched: it bounds the loop); a lane that has ended stands. A fallen lane is
     frozen. Forward only: the loop's length is not known before.
     """
-    start = initial_state(robot, ground, reference)
-    stand = start.q[2] - jnp.mean(reference.foot_pos[0, :, 2])
-    steps = -(-(reference.time.shape[0] - 1) // per_step)
-    dtype, rows = start.q.dtype, to_rows(reference)
+    first, tick = _walker(engine, robot, ground, terrain, reference, last, per_step, dt)
+    end = jax.lax.fori_loop(0, ticks, lambda _, walk: tick(walk), first)
+    return Followed(end.meters._replace(fell=~end.alive), end.feet, end.trunk, end.index)
 
-    def tick(_, carry):
-        state, meters, alive, index, time, feet, trunk = carry
-        terms = engine(state.q, state.v)
-        low, high = samples_at(rows, index)
-        row, later = between(low, high, time), between(low, high, time + dt)
-        posture = Posture(state.q[:3], state.q[3:7], terms.foot, terms.foot_by_leg)
-        torque = 0.5 * (row.joint_torque + later.joint_torque)
-        going = index < last
-        tracking = Tracking(corrected(row, posture), jnp.where(going, later.joint_vel, 0.0), torque, dt)
-        after, seen = advance(terms, robot, ground, terrain, state, tracking)
-        ok = alive & jnp.all(jnp.isfinite(after.q)) & ~fallen(robot, terrain, after, seen.foot, stand)
-        after = jax.tree.map(lambda a, b: jnp.where(ok, a, b), after, state)
-        meters = _measure(meters, seen, after, state, (ok & going).astype(dtype), dt)
-        place = jnp.where(ok & going, index // per_step, steps)
-        feet = feet.at[place].set(terms.foot, mode="drop")
-        trunk = trunk.at[place].set(after.q[:7], mode="drop")
-        time = jnp.where(ok & going, time + dt, time)
-        index = index + (going & ok & (time >= high.time))
-        return after, meters, ok, index, time, feet, trunk
 
-    kept = jnp.zeros((steps, 4, 3), dtype), jnp.zeros((steps, 7), dtype)
-    first = (start, _no_meters(dtype), jnp.array(True), jnp.zeros((), jnp.int32), jnp.zeros((), dtype), *kept)
-    _, meters, alive, index, _, feet, trunk = jax.lax.fori_loop(0, ticks, tick, first)
-    return Followed(meters._replace(fell=~alive), feet, trunk, index)
+def film(
+    engine: Engine,
+    robot: Robot,
+    ground: Ground,
+    terrain: HeightMap,
+    reference: Reference,
+    last: Int[Array, ""],
+    per_step: int,
+    dt: Float[Array, ""],
+    frames: tuple[int, int],
+) -> tuple[Followed, Float[Array, "frame 19"]]:
+    """`follow` for so many (frames, ticks each), static; also the configuration q at the start of every frame."""
+    first, tick = _walker(engine, robot, ground, terrain, reference, last, per_step, dt)
+
+    def frame(walk: _Walk, _):
+        return jax.lax.fori_loop(0, frames[1], lambda _, walk: tick(walk), walk), walk.state.q
+
+    end, shots = jax.lax.scan(frame, first, length=frames[0])
+    return Followed(end.meters._replace(fell=~end.alive), end.feet, end.trunk, end.index), shots
 
 
 def landing_errors(

@@ -35,6 +35,16 @@ def valid_cells(
     return clear if easy is None else clear & ~over_disc(~easy, False, jax.lax.bitwise_or, disc(foot_radius, resolution))
 
 
+def steepest_side(terrain: HeightMap) -> Float[Array, "nx ny"]:
+    """Slope [rad] of the steepest way from each cell's centre to one of its four neighbours; NaN if one is unseen.
+
+    The surface's own slope at a ridge is 0 though both of its sides may be steep: a foot that stands there slides off.
+    """
+    steps = [_differences(terrain.elevation), _differences(terrain.elevation.T).T]
+    sides = jnp.stack([steps[0][1:], steps[0][:-1], steps[1][:, 1:], steps[1][:, :-1]])
+    return jnp.arctan2(jnp.max(jnp.abs(sides), axis=0), terrain.resolution)
+
+
 def _differences(elevation):
     """Height differences along axis 0 before and after each cell; 0 beyond the border."""
     return jnp.pad(elevation[1:] - elevation[:-1], ((1, 1), (0, 0)))

@@ -1,7 +1,4 @@
-"""The command line: `jaxleg search CONFIG`.
-
-JAX is configured here and nowhere else in the package: compilation cache, matmul precision.
-"""
+"""`jaxleg search CONFIG`: the main job."""
 
 import dataclasses
 import os
@@ -9,38 +6,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from jaxleg.cli.start import EXIT_INFEASIBLE, EXIT_INTERRUPTED, USAGE, configure_jax, quietly
 from jaxleg.conventions import InputError
-
-USAGE = """usage: jaxleg search CONFIG [--out FOLDER] [--resume] [--seed N] [--KEY VALUE ...]
-
-  search CONFIG   search planner parameters over many terrains, verify them in simulation on held-out ones
-
-  --out FOLDER    where the run goes (default: runs/NAME-OF-CONFIG)
-  --resume        go on with the run in FOLDER
-  --seed N        random seed; like any other key of CONFIG, e.g. --search.steps 20
-  --help          all keys of CONFIG with their limits
-"""
-EXIT_INFEASIBLE, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
-
-
-def main(arguments: list[str] | None = None) -> None:
-    """Entry point of the console script; exits with 0, 1 (nothing feasible), 2 (bad input) or 130 (interrupted)."""
-    arguments = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        sys.exit(dispatch(arguments))
-    except InputError as error:
-        print(f"jaxleg: {error}", file=sys.stderr)
-        sys.exit(EXIT_INPUT)
-
-
-def dispatch(arguments: list[str]) -> int:
-    """Run the command named first. Raises `InputError` for anything a user wrote that cannot be used."""
-    if not arguments or arguments[0] in ("-h", "--help"):
-        print(USAGE)
-        return 0 if arguments else EXIT_INPUT
-    if arguments[0] != "search":
-        raise InputError(f"command line: {arguments[0]!r} is not a command; there is: search")
-    return search(arguments[1:])
 
 
 def search(arguments: list[str]) -> int:
@@ -81,19 +48,6 @@ def split(arguments: list[str]) -> tuple[str | None, Path | None, bool, list[str
     return named[0] if named else None, out, resume, rest
 
 
-def configure_jax() -> None:
-    """Persistent compilation cache, exact matrix products, a device a core; called once, before anything is compiled."""
-    import jax
-
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
-    cache = os.environ.get("JAXLEG_CACHE") or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jaxleg"
-    jax.config.update("jax_compilation_cache_dir", str(cache))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    jax.config.update("jax_default_matmul_precision", "highest")
-    if "JAX_NUM_CPU_DEVICES" not in os.environ:
-        jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)  # see search/batches.py
-
-
 def leg_numbers(robot: Any) -> Any:
     """Lengths of the robot's legs, for the check of the study."""
     from jaxleg.search.checks import Legs
@@ -104,13 +58,9 @@ def leg_numbers(robot: Any) -> Any:
 
 def run_study(study: Any, robot: Any, robot_file: Path, out: Path, resume: bool) -> int:
     """Open the run folder, run the study with a progress bar, write the result, its figures and a table."""
-    import contextlib
-    import io
-
     from rich.console import Console
 
-    with contextlib.redirect_stdout(io.StringIO()):  # MJX prints that its optional Warp back end is not there
-        import mujoco.mjx  # noqa: F401
+    quietly()
 
     from jaxleg.search.run import CONTESTANTS, make_lab, work
     from jaxleg.search.run_folder import RunFolder
@@ -149,7 +99,3 @@ def write_best(study: Any, robot_file: Path, folder: Any, chosen: dict) -> None:
     kinds = {kind: dataclasses.replace(table, gait=gaits[kind]) for kind, table in study.kinds.items()}
     robot = os.path.relpath(robot_file, folder.path)
     dump(dataclasses.replace(study, kinds=kinds, robot=robot), folder.best)
-
-
-if __name__ == "__main__":
-    main()

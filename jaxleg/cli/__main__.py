@@ -1,0 +1,5 @@
+"""`python -m jaxleg.cli`."""
+
+from jaxleg.cli import main
+
+main()

@@ -1,0 +1,60 @@
+"""`jaxleg replay PLAN --engine mjx or mujoco`: a plan in simulation."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxleg.cli.options import nothing_left, take
+from jaxleg.cli.start import EXIT_INFEASIBLE, USAGE, configure_jax, quietly
+from jaxleg.conventions import InputError
+
+FRAME = 0.25  # between the pictures of a video [s]
+
+
+def replay(arguments: list[str]) -> int:
+    """Simulate a plan and write `replay.json`. Exit status 1 where the robot falls."""
+    rest = list(arguments)
+    if not rest or {"-h", "--help"} & set(rest):
+        print(USAGE)
+        return 0
+    engine = (take(rest, "engine") or ["mjx"])[0]
+    out, video = take(rest, "out"), take(rest, "video")
+    if engine not in ("mjx", "mujoco"):
+        raise InputError(f"command line: --engine is {engine}, but must be mjx or mujoco")
+    if not rest or rest[0].startswith("-"):
+        raise InputError("command line: PLAN is missing; give the file that `jaxleg plan` wrote")
+    source = Path(rest.pop(0))
+    nothing_left(rest)
+    configure_jax()
+    quietly()
+    from rich.console import Console
+
+    from jaxleg.sim.plan_file import load_plan
+    from jaxleg.sim.replay import replay_mjx, replay_mujoco
+
+    file = load_plan(source)
+    with Console().status(f"simulating {float(file.reference.time[-1]):.0f} s"):
+        result, frames = {"mjx": replay_mjx, "mujoco": replay_mujoco}[engine](file, FRAME)
+    path = Path(out[0]) if out else source.with_name("replay.json")
+    path.write_text(json.dumps(result | {"plan": str(source)}, indent=2) + "\n")
+    show(result)
+    print(f"written: {path}")
+    if video:
+        from jaxleg.viz.animation import animate
+
+        animate(Path(video[0]), file.terrain, frames, file.robot, FRAME)
+        print(f"written: {video[0]}")
+    return EXIT_INFEASIBLE if result["fell"] else 0
+
+
+def show(result: dict[str, Any]) -> None:
+    """The result in a few lines."""
+    energy = ", ".join(f"{name} {value:.0f}" for name, value in result["energy_per_metre"].items())
+    print(f"{result['engine']}: {'fell' if result['fell'] else 'walked'} {result['distance']:.2f} m in {result['time']:.1f} s")
+    print(f"energy J/m: {energy}; cost of transport {result['cost_of_transport']:.2f} ({result['power']})")
+    print(f"least stability margin {result['margin']:.3f} m, slip {result['slip']:.3f} m a foot")
+    print(f"distance to the goal {result['left']:.3f} m")
+    if np.isfinite(result.get("landing_worst", np.nan)):
+        print(f"worst touch-down {1e3 * result['landing_worst']:.1f} mm from its foothold")

@@ -1,0 +1,48 @@
+"""What the commands share: usage, exit statuses, and how JAX is configured."""
+
+import contextlib
+import io
+import os
+from pathlib import Path
+
+USAGE = """usage: jaxleg COMMAND ...
+
+  search CONFIG   search planner parameters over many terrains, verify them in simulation on held-out ones
+      --out FOLDER    where the run goes (default: runs/NAME-OF-CONFIG)
+      --resume        go on with the run in FOLDER
+
+  plan CONFIG --terrain FILE_OR_KIND --start X Y --goal X Y
+                  plan a walk over one map: body path, footholds, postures, swings (CONFIG: as for search, or its best.toml)
+      --out FILE      the plan (default: runs/plan.npz)
+      --figure FILE   a picture of it
+      --gait NAME     whose gait of CONFIG's kinds to walk with (default: the kind of the terrain, or the first)
+      --difficulty D  of a terrain made by KIND, in [0, 1] (default: 0.5)
+
+  replay PLAN     simulate a plan: energy, cost of transport, slip, stability margin, falls
+      --engine mjx or mujoco
+      --out FILE      the result (default: replay.json beside the plan)
+      --video FILE    a GIF of it
+
+  --seed N        random seed; like any other key of CONFIG, e.g. --search.steps 20, --navigation.tree.depth 2
+  --help          all keys of CONFIG with their limits: jaxleg search CONFIG --help
+"""
+EXIT_INFEASIBLE, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
+
+
+def configure_jax() -> None:
+    """Persistent compilation cache, exact matrix products, a device a core; called once, before anything is compiled."""
+    import jax
+
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+    cache = os.environ.get("JAXLEG_CACHE") or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jaxleg"
+    jax.config.update("jax_compilation_cache_dir", str(cache))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_default_matmul_precision", "highest")
+    if "JAX_NUM_CPU_DEVICES" not in os.environ:
+        jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)  # see search/batches.py
+
+
+def quietly() -> None:
+    """Import MJX without its message that the optional Warp back end is not there."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        import mujoco.mjx  # noqa: F401

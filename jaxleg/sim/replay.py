@@ -1,0 +1,78 @@
+"""One plan of a file in simulation, by MJX or by the referee: the same figures, and pictures of the walk."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxleg.energy import CONVENTIONS, Power, cost_of_transport, electrical
+from jaxleg.planning.pose import STEP_LEGS
+from jaxleg.sim.contact import Ground
+from jaxleg.sim.engine import mjx_engine
+from jaxleg.sim.follow import film, landing_errors
+from jaxleg.sim.plan_file import PlanFile
+from jaxleg.sim.referee_follow import follow_all
+
+Frames = Float[np.ndarray, "frame 19"]
+
+
+def replay_mjx(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]:
+    """Follow a plan in MJX; the configuration every `frame` [s]."""
+    engine, ground = mjx_engine(file.robot), Ground(friction=file.params["friction"])
+    tick, last = jnp.asarray(file.params["tick"], float), jnp.asarray(len(file.reference.time) - 1)
+    each = round(frame / float(tick))
+    count = int(np.ceil(float(file.reference.time[-1]) / (each * float(tick)))) + 2
+
+    @jax.jit
+    def run(robot, terrain, reference):
+        seen, shots = film(engine, robot, ground, terrain, reference, last, file.samples, tick, (count, each))
+        return seen, shots, landing_errors(reference, seen, file.samples, STEP_LEGS)
+
+    seen, shots, landing = run(file.robot, file.terrain, file.reference)
+    steps, meters = int(file.params["steps"]), seen.meters
+    energy = Power(*(jnp.sum(x) for x in meters.energy))
+    end = shots[-1, :2]
+    result = {
+        "engine": "mjx",
+        **_figures(file, energy, _way(end, file), meters.time, meters.margin, jnp.mean(meters.slip)),
+        "fell": bool(meters.fell),
+        "left": float(np.linalg.norm(end - file.goal)),
+        "landing_worst": float(jnp.max(landing[:steps])),
+        "penetration": float(meters.penetration),
+    }
+    return result, np.asarray(shots)
+
+
+def replay_mujoco(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]:
+    """Follow a plan in C MuJoCo."""
+    seen = follow_all(file.robot, [file.terrain], [file.reference], file.params["friction"], frame)
+    energy = Power(seen.mechanical[0], seen.mechanical_positive[0], seen.joule[0])
+    result = {
+        "engine": "mujoco",
+        **_figures(file, energy, _way(seen.trunk[0], file), seen.time[0], seen.margin[0], seen.slip[0]),
+        "fell": bool(seen.fell[0]),
+        "left": float(np.linalg.norm(seen.trunk[0, :2] - file.goal)),
+    }
+    return result, seen.shots[0]
+
+
+def _way(end, file: PlanFile) -> float:
+    """Horizontal distance from where the walk began [m]."""
+    return float(np.linalg.norm(np.asarray(end)[:2] - np.asarray(file.reference.trunk_pos)[0, :2]))
+
+
+def _figures(file: PlanFile, energy: Power, way, time, margin, slip) -> dict[str, Any]:
+    """Energy per metre as the crow flies from start to end, and the rest."""
+    power = file.params["power"]
+    per_metre = {name: float(electrical(energy, name)) / way for name in CONVENTIONS}
+    return {
+        "energy_per_metre": per_metre,
+        "power": power,
+        "cost_of_transport": float(cost_of_transport(per_metre[power], file.robot.mass)),
+        "distance": way,
+        "time": float(time),
+        "margin": float(margin),
+        "slip": float(slip),
+    }
