@@ -1,0 +1,222 @@
+"""What paper C's planner achieves: a walk over a map (Fig. 14), success against difficulty, a dead end avoided (Fig. 10)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Polygon
+from matplotlib.ticker import PercentFormatter
+
+from jaxleg.conventions import LEGS, RING
+from jaxleg.planning.gaits import State
+from jaxleg.planning.navigation import Walked
+from jaxleg.planning.pose import STEP_LEGS
+from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.viz.style import BLACK, BLUE, GREEN, GREY, LEG_COLOUR, ORANGE, PURPLE, WIDTH, blank, label, legend_below, save
+
+EARTH = LinearSegmentedColormap.from_list("earth", ["#7d7a55", "#f7f5e6"]).with_extremes(bad=GREY)
+LEAST_RANGE = 0.05  # heights [m] that the colours span at least: level ground has no shades
+INVALID = dict(color=PURPLE, alpha=0.45)  # a hue of its own: darker would pass for lower ground
+PATH, TRUNK = dict(color=GREEN, lw=2.2), dict(color=BLACK, lw=1.3)
+STANCE, SUPPORT = dict(facecolor="none", edgecolor=BLACK, lw=2.0), dict(facecolor=BLACK, edgecolor="none", alpha=0.25)
+STEP = dict(arrowstyle="-|>", color=BLACK, lw=1.8, shrinkA=4, shrinkB=4)
+CROSS = dict(marker="X", color=BLACK, mec="white", ms=12, ls="")
+SHARES = {"path": dict(color=ORANGE, marker="s"), "walked": dict(color=BLUE, marker="o")}
+MEANING = {"path": "a body path was found", "walked": "walked to the goal"}
+VIEW = 0.9  # shown to all sides of a dead end [m]
+NORMAL = 1.96  # standard deviations either side that hold 95 %
+
+
+class Trail(NamedTuple):
+    """A walk seen from above, in W [m]."""
+
+    path: np.ndarray  # (n, xy) body path as searched
+    trunk: np.ndarray  # (n, xy) centre of the trunk as simulated
+    feet: np.ndarray  # (stance, leg, xy) footholds, the first stance included
+    start: np.ndarray  # (xy)
+    goal: np.ndarray
+
+
+class Trials(NamedTuple):
+    """Walks tried over maps of one kind of terrain."""
+
+    kind: str
+    difficulty: np.ndarray  # (map,) in [0, 1]
+    path: np.ndarray  # (map,) whether there is a body path
+    walked: np.ndarray  # (map,) whether it was walked to the goal
+
+
+class Look(NamedTuple):
+    """A series of gaits that was searched looking so many steps ahead."""
+
+    ahead: int  # [steps]
+    states: State  # NumPy arrays (stance, ...): before each step and at the end
+    stuck: bool
+
+
+def trail(terrain: HeightMap, walked: Walked, trunk: np.ndarray, start: np.ndarray, goal: np.ndarray) -> Trail:
+    """The trail of one lane's plan and of its trunk (n, xyz...) [m] as simulated."""
+    cells = np.asarray(walked.path.cells)[: int(walked.path.length)]
+    path = np.asarray(terrain.origin) + float(terrain.resolution) * cells
+    feet = np.asarray(walked.states.feet)[: int(walked.count) + 1, :, :2]
+    return Trail(path, np.asarray(trunk)[:, :2], feet, np.asarray(start), np.asarray(goal))
+
+
+def draw_walk(terrain: HeightMap, valid: np.ndarray, walk: Trail, path: str | Path) -> None:
+    """Paper C, Fig. 14: body path, trunk and footholds over the elevation; cells (nx, ny) that are not `valid` tinted."""
+    left, right, bottom, top = border(terrain)
+    wide, high = right - left, top - bottom
+    scale = min((WIDTH - 1.5) / wide, WIDTH / high)  # [inches/m]
+    figure, (ax,) = blank(scale * high + 1.15)
+    image = draw_ground(ax, terrain, valid)
+    colour_bar(ax, image)
+    ax.plot(*walk.path.T, color="white", lw=3.6)  # on dark ground and on light
+    ax.plot(*walk.path.T, **PATH)
+    ax.plot(*walk.trunk.T, **TRUNK)
+    _draw_feet(ax, walk.feet, ms=3.5)
+    ax.plot(*walk.start, "s", **_end())
+    ax.plot(*walk.goal, "*", **_end(13.0))
+    label(ax, "x [m]", "y [m]")
+    legend_below(figure, [*_feet_keys(), *_walk_keys()], 5)
+    save(figure, path)
+
+
+def draw_ground(ax: Axes, terrain: HeightMap, valid: np.ndarray | None = None) -> AxesImage:
+    """The elevation [m] as an image, unseen cells grey; seen cells that are not `valid` footholds tinted."""
+    height, place = np.asarray(terrain.elevation), dict(origin="lower", extent=border(terrain), interpolation="nearest")
+    seen = np.isfinite(height)
+    lowest = float(height[seen].min(initial=np.inf)) if seen.any() else 0.0
+    highest = max(float(height[seen].max(initial=lowest)), lowest + LEAST_RANGE)
+    image = ax.imshow(np.ma.masked_invalid(height).T, cmap=EARTH, vmin=lowest, vmax=highest, **place)
+    if valid is not None:
+        tint = np.ma.masked_array(np.ones_like(height), np.asarray(valid) | ~seen)
+        ax.imshow(tint.T, cmap=ListedColormap([INVALID["color"]]), alpha=INVALID["alpha"], **place)
+    ax.set_aspect("equal")
+    return image
+
+
+def border(terrain: HeightMap) -> tuple[float, float, float, float]:
+    """Outer edges of the outermost cells in W [m]: left, right, bottom, top."""
+    size, (x, y) = float(terrain.resolution), np.asarray(terrain.origin, float)
+    nx, ny = terrain.elevation.shape
+    return x - 0.5 * size, x + (nx - 0.5) * size, y - 0.5 * size, y + (ny - 0.5) * size
+
+
+def colour_bar(ax: Axes, image: AxesImage) -> None:
+    """The elevation's colours, as high as the map."""
+    bar = ax.figure.colorbar(image, cax=ax.inset_axes((1.02, 0.0, 0.02, 1.0)))
+    bar.set_label("height of the ground [m]", fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+
+
+def _draw_feet(ax: Axes, feet: np.ndarray, ms: float) -> None:
+    """Footholds (stance, leg, xy...) [m], a colour a leg."""
+    for leg, colour in enumerate(LEG_COLOUR):
+        ax.plot(*feet[:, leg, :2].T, "o", color=colour, mec="white", mew=0.4, ms=ms)
+
+
+def _end(ms: float = 8.0) -> dict:
+    return dict(color=GREEN, mec=BLACK, mew=0.8, ms=ms, ls="")
+
+
+def _feet_keys() -> list[Line2D]:
+    style = dict(ls="", marker="o", mec="white")
+    return [Line2D([], [], color=colour, label=f"{leg} foothold", **style) for leg, colour in zip(LEGS, LEG_COLOUR)]
+
+
+def _walk_keys() -> list:
+    return [
+        Line2D([], [], **PATH, label="body path, searched"),
+        Line2D([], [], **TRUNK, label="trunk, simulated"),
+        Line2D([], [], marker="s", label="start", **_end()),
+        Line2D([], [], marker="*", label="goal", **_end(11.0)),
+        Patch(**INVALID, label="no foothold"),
+        Patch(color=GREY, label="unseen"),
+    ]
+
+
+def wilson(hits: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the 95 % Wilson interval of a share, `hits` of `count` > 0."""
+    share, z = hits / count, NORMAL**2 / count
+    middle = (share + 0.5 * z) / (1.0 + z)
+    reach = NORMAL / (1.0 + z) * np.sqrt(share * (1.0 - share) / count + 0.25 * z / count)
+    return np.maximum(middle - reach, 0.0), np.minimum(middle + reach, 1.0)
+
+
+def draw_success(trials: Sequence[Trials], path: str | Path, bins: int = 5) -> None:
+    """Shares of maps with a path and of maps walked against difficulty, with 95 % Wilson intervals; a panel a kind."""
+    figure, axes = blank(3.4, columns=len(trials), sharey=True)
+    edges = np.linspace(0.0, 1.0, bins + 1)
+    for ax, kind in zip(axes, trials):
+        _draw_share(ax, kind.difficulty, kind.path, edges, -0.012, **SHARES["path"])
+        _draw_share(ax, kind.difficulty, kind.walked, edges, 0.012, **SHARES["walked"])
+        ax.set(xlim=(0.0, 1.0), ylim=(0.0, 1.03), xticks=edges)
+        ax.grid(axis="y", color="#e5e5e5", lw=0.8)
+        title = f"{kind.kind}: {len(kind.path)} maps, {int(kind.path.sum())} with a path, {int(kind.walked.sum())} walked"
+        label(ax, "difficulty [-]", "", title)
+    axes[0].yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes[0].set_ylabel("share of all maps [-]")
+    keys = [Line2D([], [], ls="", ms=7, label=text, **SHARES[name]) for name, text in MEANING.items()]
+    legend_below(figure, [*keys, Line2D([], [], color=GREY, marker="|", ms=9, label="95 % Wilson interval")], 3)
+    save(figure, path)
+
+
+def _draw_share(ax: Axes, difficulty: np.ndarray, hit: np.ndarray, edges: np.ndarray, aside: float, **style) -> None:
+    """A point and an interval for every bin that holds maps; `aside` moves them so that two series can be told apart."""
+    place = np.clip(np.digitize(difficulty, edges) - 1, 0, len(edges) - 2)
+    count, hits = (np.bincount(place, weight, len(edges) - 1) for weight in (None, np.asarray(hit, float)))
+    used = count > 0
+    middle, share = 0.5 * (edges[1:] + edges[:-1])[used] + aside, (hits / np.maximum(count, 1))[used]
+    low, high = wilson(hits[used], count[used])
+    reach = np.maximum([share - low, high - share], 0.0)  # rounding may put a share of 0 or 1 outside
+    ax.errorbar(middle, share, reach, ls=":", lw=1.0, elinewidth=1.6, capsize=3, ms=6, **style)
+
+
+def draw_dead_end(terrain: HeightMap, valid: np.ndarray, short: Look, long: Look, path: str | Path) -> None:
+    """Paper C, Fig. 10: the series that looks less far ahead ends; the other one goes on over the same ground.
+
+    Shown round the last stance of `short`: footholds, trunk, and in both the stance after as many steps; there a cross on the
+    leg that finds no reachable state, or its step and the triangle that supports it.
+    """
+    centre, steps = short.states.pose[-1, :2], len(short.states.feet) - 1
+    figure, axes = blank(4.6, columns=2, sharex=True, sharey=True)
+    for ax, look in zip(axes, (short, long)):
+        image = draw_ground(ax, terrain, valid)
+        _draw_series(ax, look, steps)
+        end = f"stuck after step {len(look.states.feet) - 1}" if look.stuck else "goes on"
+        label(ax, "x [m]", "y [m]" if look is short else "", f"looking {look.ahead} step{'s'[: look.ahead - 1]} ahead: {end}")
+    axes[0].set(xlim=(centre[0] - VIEW, centre[0] + VIEW), ylim=(centre[1] - VIEW, centre[1] + VIEW))
+    colour_bar(axes[1], image)
+    legend_below(figure, [*_feet_keys(), *_series_keys(steps)], 5)
+    save(figure, path)
+
+
+def _draw_series(ax: Axes, look: Look, steps: int) -> None:
+    """Every leg's way from foothold to foothold, the trunk's, and what the leg whose turn it is can do after `steps`."""
+    feet, leg = look.states.feet[..., :2], STEP_LEGS[steps % len(STEP_LEGS)]
+    for way, colour in zip(np.moveaxis(feet, 1, 0), LEG_COLOUR):
+        ax.plot(*way.T, color=colour, lw=1.0)
+    ax.plot(*look.states.pose[:, :2].T, **TRUNK)
+    if steps < len(feet):
+        ax.add_patch(Polygon(feet[steps][list(RING)], **STANCE))
+    if steps + 1 < len(feet):
+        ax.add_patch(Polygon(feet[steps][[foot for foot in RING if foot != leg]], **SUPPORT))
+        ax.annotate("", feet[steps + 1, leg], feet[steps, leg], arrowprops=STEP)
+    _draw_feet(ax, feet, ms=6)
+    if look.stuck:
+        ax.plot(*feet[-1, STEP_LEGS[(len(feet) - 1) % len(STEP_LEGS)]], **CROSS)
+
+
+def _series_keys(steps: int) -> list:
+    return [
+        Line2D([], [], **TRUNK, label="trunk"),
+        Patch(**STANCE, label=f"stance after step {steps}"),
+        Line2D([], [], **CROSS, label="finds no next state"),
+        Patch(**SUPPORT, label="support of the next step"),
+        Patch(**INVALID, label="no foothold"),
+    ]
