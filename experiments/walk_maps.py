@@ -8,24 +8,18 @@ difficulty; 20 walks again in C MuJoCo.
     python -m experiments.walk_maps [--quick]
 """
 
-import dataclasses
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import tyro
 
 from experiments.common import setup, write
-from jaxleg.energy import CONVENTIONS, electrical
-from jaxleg.planning.navigation import NavigationStatus, Navigator, Survey, Walked
+from jaxleg.planning.navigation import NavigationStatus, Walked
 from jaxleg.planning.states import Cause
-from jaxleg.robot import Robot
-from jaxleg.search.config import Gait, Study
+from jaxleg.search.config import Gait
 from jaxleg.search.navigate import Outcome, navigate, navigator_of, on_valid_cells, simulate_all, survey_all
-from jaxleg.sim.contact import Ground
-from jaxleg.sim.engine import mjx_engine
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
 
 GRID = Grid(200, 100, 0.04, (0.02, 0.02))
@@ -47,7 +41,9 @@ class World(NamedTuple):
 def world(count: int) -> World:
     """Maps of seeds 0, 1, ..., kinds in turn, difficulty rising."""
     make = {
-        kind: jax.jit(lambda seed, difficulty, kind=kind: terrain(kind, GRID, jax.random.key(seed), difficulty, TerrainSettings()))
+        kind: jax.jit(
+            lambda seed, difficulty, kind=kind: terrain(kind, GRID, jax.random.key(seed), difficulty, TerrainSettings())
+        )
         for kind in KINDS
     }
     difficulty = (np.arange(count) // 2 + 0.5) / (count / 2)
@@ -91,7 +87,11 @@ def summary(there: World, walked: Walked, detours: np.ndarray, seen: Outcome, va
             "map": int(i),
             "kind": KINDS[there.kind[i]],
             "difficulty": float(there.difficulty[i]),
-            "cause": NavigationStatus(status[i]).name.lower() if not planned[i] else "fell" if seen.followed.meters.fell[i] else "short",
+            "cause": NavigationStatus(status[i]).name.lower()
+            if not planned[i]
+            else "fell"
+            if seen.followed.meters.fell[i]
+            else "short",
         }
         for i in np.flatnonzero(~success)
     ]

@@ -68,6 +68,7 @@ class PaceSettings:
     """How fast a walk is, and how finely it is sampled and simulated."""
 
     acceleration: float = setting(1.0, above=0.0, max=10.0, unit="m/s^2", help="most of the trunk in a shift")
+    reserve: float = setting(0.03, min=0.0, max=0.5, unit="m", help="of the zero moment point to the feet's hull in a shift")
     foot_speed: float = setting(1.6, above=0.0, max=10.0, unit="m/s", help="most of a swinging foot")
     least_shift: float = setting(0.12, above=0.0, max=10.0, unit="s", help="of a shift")
     least_swing: float = setting(0.35, above=0.0, max=10.0, unit="s", help="of a swing")

@@ -28,8 +28,8 @@ from jaxleg.planning.stations import Route, Stations, Stride, smooth_route, stat
 from jaxleg.planning.tree import SearchStatus
 from jaxleg.planning.walking import Timing, phase_legs, walk_phases
 from jaxleg.robot import Robot
-from jaxleg.terrain.cost_map import CostMap, CostWeights, combined, cost_weights
 from jaxleg.terrain.body_cost import body_cost, body_features
+from jaxleg.terrain.cost_map import CostMap, CostWeights, combined, cost_weights
 from jaxleg.terrain.features import FeatureSettings, traversability
 from jaxleg.terrain.foothold_cost import FeetSettings, feet_cost, foothold_cost, least_footing
 from jaxleg.terrain.foothold_features import foothold_features
@@ -129,7 +129,9 @@ class Navigator:
 
     def path(self, terrain: HeightMap, cost: Float[Array, "heading nx ny"], start: Float[Array, "2"], goal: Float[Array, "2"]):
         """The body path between two points (x, y in W) [m]. Paper C, 2.3."""
-        weights = PathWeights(*(jnp.asarray(x, cost.dtype) for x in (self.settings.path.mu_distance, self.settings.path.mu_cost)))
+        weights = PathWeights(
+            *(jnp.asarray(x, cost.dtype) for x in (self.settings.path.mu_distance, self.settings.path.mu_cost))
+        )
         ends = (nearest_cell(terrain, xy) for xy in (start, goal))
         return find_path(cost, *ends, weights, jnp.full(2, self.resolution, cost.dtype), self.settings.path.cells)
 
@@ -212,7 +214,13 @@ def make_navigator(
     )
     radius = 0.5 * float(np.hypot(gait.stance_length, gait.stance_width))
     stride = Stride(number(gait.step_length), degrees(settings.path.turn_deg), number(radius))
-    timing = Timing(*map(number, (pace.acceleration, pace.least_shift, pace.foot_speed, pace.least_swing, load_share)))
+    timing = Timing(
+        **{
+            name: number(getattr(pace, name))
+            for name in ("acceleration", "least_shift", "reserve", "foot_speed", "least_swing")
+        },
+        load_share=number(load_share),
+    )
     x, y = 0.5 * float(gait.stance_length), 0.5 * float(gait.stance_width)
     stance = ((x, y), (x, -y), (-x, y), (-x, -y))
     feet = dataclasses.replace(settings.cost.windows.feet, stance=stance)

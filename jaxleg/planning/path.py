@@ -81,9 +81,7 @@ def cost_to_go(moves: Float[Array, "heading nx ny"], goal: Int[Array, "2"]) -> F
 
 def _sweeps(moves, goal):
     start = jnp.full(moves.shape[1:], jnp.inf, moves.dtype).at[tuple(goal)].set(0.0)
-    ways = {
-        (axis, sign): [h for h, step in enumerate(HEADINGS) if step[axis] == sign] for axis in (0, 1) for sign in (1, -1)
-    }
+    ways = {(axis, sign): [h for h, step in enumerate(HEADINGS) if step[axis] == sign] for axis in (0, 1) for sign in (1, -1)}
     # the moves of each direction of travel with the swept axis first, once and for all
     sets = {
         way: jnp.moveaxis(jnp.stack([moves[h] if way[0] == 0 else moves[h].T for h in hs]), 0, 1) for way, hs in ways.items()

@@ -10,7 +10,7 @@ from jaxleg.conventions import LEG_END
 from jaxleg.dynamics import all_leg_frames, centre_of_mass
 from jaxleg.gait import SHIFT, SWING_LEG, overlap_incentre, overlap_median
 from jaxleg.numerics import inverse3_safe, matvec
-from jaxleg.planning.posture import CogPlan, com_offset, joint_angles, trunk_rotation
+from jaxleg.planning.posture import CogPlan, com_offset, trunk_rotation
 from jaxleg.robot import Robot
 
 STEP_LEGS = tuple(leg for leg in SWING_LEG if leg != SHIFT)  # the swinging leg of each step: RH, RF, LH, LF
@@ -56,7 +56,9 @@ def feet_yaw(feet: Float[Array, "leg 3"], near: Float[Array, ""]) -> Float[Array
     return near + jnp.arctan2(c * ahead[1] - s * ahead[0], c * ahead[0] + s * ahead[1])
 
 
-def cog_point(cog: CogPlan, before: Float[Array, "leg 3"], after: Float[Array, "leg 3"], leg: Int[Array, ""]) -> Float[Array, "2"]:
+def cog_point(
+    cog: CogPlan, before: Float[Array, "leg 3"], after: Float[Array, "leg 3"], leg: Int[Array, ""]
+) -> Float[Array, "2"]:
     """Where the centre of gravity stands while `leg` swings from `before` to `after`. Paper C, (21); A12.
 
     On the overlap of the two support triangles of its side's swings: the hind foot has reached its target in both, the front

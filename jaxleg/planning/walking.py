@@ -9,11 +9,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxleg.gait import SHIFT
+from jaxleg.conventions import GRAVITY
+from jaxleg.gait import SHIFT, stability_margin
 from jaxleg.numerics import norm_safe
 from jaxleg.plan import Phases
-from jaxleg.planning.gaits import GaitPlan, State, swing_apex
 from jaxleg.planning.collision import Obstacles
+from jaxleg.planning.gaits import GaitPlan, State, swing_apex
 from jaxleg.planning.pose import STEP_LEGS, stand_pose
 from jaxleg.robot import Robot
 
@@ -27,6 +28,7 @@ class Timing:
 
     acceleration: Float[Array, "*batch"]  # most of the trunk in a shift [m/s^2]
     least_shift: Float[Array, "*batch"]  # [s]
+    reserve: Float[Array, "*batch"]  # of the zero moment point to the edge of the feet's hull in a shift [m]
     foot_speed: Float[Array, "*batch"]  # most of a swinging foot [m/s]
     least_swing: Float[Array, "*batch"]  # [s]
     load_share: Float[Array, "*batch"]  # part of a swing at either end in which the load is transferred
@@ -55,7 +57,7 @@ def walk_phases(
     start, stop = feet[step, leg], after[step, leg]
     apex = jnp.where(walked, jax.vmap(swing_apex, in_axes=(None, None, 0, 0))(plan, ground, start, stop), 0.0)
     swings = jnp.where(walked[:, None], jax.nn.one_hot(leg, 4, dtype=feet.dtype), 0.0)
-    duration = _pairs(_shift_time(timing, pose, target), _swing_time(timing, start, stop, apex))
+    duration = _pairs(_shift_time(timing, pose, target, feet), _swing_time(timing, start, stop, apex))
     phases = Phases(
         start=jnp.cumsum(duration) - duration,
         duration=duration,
@@ -69,10 +71,17 @@ def walk_phases(
     return phases, _pairs(step <= count, walked)
 
 
-def _shift_time(timing: Timing, start, end):
-    """Long enough that neither the trunk's centre nor a point 0.4 m from it accelerates more than allowed [s]."""
+def _shift_time(timing: Timing, start, end, feet):
+    """Long enough that neither the trunk's centre nor a point 0.4 m from it accelerates more than allowed, and that the zero
+    moment point, h a / g from under the centre, stays inside the hull of the feet by the reserve [s]."""
     way = norm_safe(end[:, :3] - start[:, :3]) + 0.4 * norm_safe(end[:, 3:] - start[:, 3:])
-    return jnp.maximum(jnp.sqrt(PEAK * way / timing.acceleration), timing.least_shift)
+    inside = jax.vmap(stability_margin, in_axes=(0, 0, None))
+    everyone = jnp.ones(4, bool)
+    margin = jnp.minimum(*(inside(pose[:, :2], feet[..., :2], everyone) for pose in (start, end)))
+    height = jnp.maximum(end[:, 2] - jnp.mean(feet[..., 2], axis=1), 0.1)
+    steady = GRAVITY / height * (margin - timing.reserve)
+    acceleration = jnp.clip(steady, 0.15 * timing.acceleration, timing.acceleration)
+    return jnp.maximum(jnp.sqrt(PEAK * way / acceleration), timing.least_shift)
 
 
 def _swing_time(timing: Timing, start, end, apex):

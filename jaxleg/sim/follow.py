@@ -6,7 +6,9 @@ decimetres. Here the joint controllers get the plan's joint angles plus J^-1 d, 
     a standing leg  from R*^T (p_foot* - p*) to R*^T (p_foot - p*):   the trunk to its plan, over the feet as they stand,
     a swinging leg  from R*^T (p_foot* - p*) to R^T (p_foot* - p):    the foot to its planned place in the world
 
-(* planned, otherwise as simulated), blended by the planned load while it is transferred. MJX and the referee use the same law.
+(* planned, otherwise as simulated), blended by the planned load while it is transferred. A standing foot's place is the one
+it took at touch-down, forgotten slowly: were it the present one, a foot that slips would be pushed on with the same force.
+MJX and the referee use the same law.
 """
 
 from typing import NamedTuple
@@ -27,6 +29,8 @@ from jaxleg.sim.step import State, advance, initial_state
 from jaxleg.sim.tracking import Tracking
 from jaxleg.terrain.heightmap import HeightMap
 
+FORGET = 1.0  # time constant with which a standing foot's place follows its slip [s]
+
 
 class Followed(NamedTuple):
     """What following a plan measured."""
@@ -42,7 +46,7 @@ class Posture(NamedTuple):
 
     trunk_pos: Float[Array, "3"]
     trunk_quat: Float[Array, "4"]
-    feet: Float[Array, "leg 3"]
+    feet: Float[Array, "leg 3"]  # where they stand, see `held_feet`
     jacobian: Float[Array, "leg 3 joint"]  # of each foot by its own joints, in W [m/rad]
 
 
@@ -87,6 +91,14 @@ def corrected(row: Reference, now: Posture) -> Float[Array, "leg joint"]:
     return row.joint_pos + matvec(inverse3_safe(now.jacobian), change)
 
 
+def held_feet(
+    held: Float[Array, "leg 3"], feet: Float[Array, "leg 3"], load: Float[Array, "leg"], dt: Float[Array, ""]
+) -> Float[Array, "leg 3"]:
+    """Where the feet stand a tick later: a flying foot's place is its own, a standing one's follows it slowly."""
+    rate = jnp.where(load < 0.5, 1.0, dt / FORGET)
+    return held + rate[:, None] * (feet - held)
+
+
 def _unit(quaternion):
     return quaternion * jax.lax.rsqrt(jnp.sum(quaternion**2))
 
@@ -99,6 +111,7 @@ class _Walk(NamedTuple):
     alive: Bool[Array, ""]
     index: Int[Array, ""]  # sample of the reference that is past
     time: Float[Array, ""]  # on the reference [s]
+    held: Float[Array, "leg 3"]
     feet: Float[Array, "step leg 3"]
     trunk: Float[Array, "step 7"]
 
@@ -117,13 +130,14 @@ def _walker(engine: Engine, robot: Robot, ground: Ground, terrain: HeightMap, re
     steps, dtype = -(-(reference.time.shape[0] - 1) // per_step), start.q.dtype
     zero = jnp.zeros((), dtype)
     kept = jnp.zeros((steps, 4, 3), dtype), jnp.zeros((steps, 7), dtype)
-    first = _Walk(start, _no_meters(dtype), jnp.array(True), jnp.zeros((), jnp.int32), zero, *kept)
+    first = _Walk(start, _no_meters(dtype), jnp.array(True), jnp.zeros((), jnp.int32), zero, reference.foot_pos[0], *kept)
 
     def tick(walk: _Walk) -> _Walk:
         state, going = walk.state, walk.alive & (walk.index < last)
         terms = engine(state.q, state.v)
         low, high = samples_at(rows, walk.index)
-        now = command(low, high, walk.time, dt, Posture(state.q[:3], state.q[3:7], terms.foot, terms.foot_by_leg))
+        held = held_feet(walk.held, terms.foot, low.contact, dt)
+        now = command(low, high, walk.time, dt, Posture(state.q[:3], state.q[3:7], held, terms.foot_by_leg))
         now = now._replace(velocity=jnp.where(walk.index < last, now.velocity, 0.0))
         after, seen = advance(terms, robot, ground, terrain, state, now)
         alive = walk.alive & jnp.all(jnp.isfinite(after.q)) & ~fallen(robot, terrain, after, seen.foot, stand)
@@ -137,6 +151,7 @@ def _walker(engine: Engine, robot: Robot, ground: Ground, terrain: HeightMap, re
             alive=alive,
             index=walk.index + (going & (time >= high.time)),
             time=time,
+            held=held,
             feet=walk.feet.at[place].set(terms.foot, mode="drop"),
             trunk=walk.trunk.at[place].set(after.q[:7], mode="drop"),
         )
@@ -186,9 +201,7 @@ def film(
     return Followed(end.meters._replace(fell=~end.alive), end.feet, end.trunk, end.index), shots
 
 
-def landing_errors(
-    reference: Reference, followed: Followed, per_step: int, legs: tuple[int, ...]
-) -> Float[Array, "step"]:
+def landing_errors(reference: Reference, followed: Followed, per_step: int, legs: tuple[int, ...]) -> Float[Array, "step"]:
     """Horizontal distance [m] of the foot that has swung from its planned place, at the end of each step."""
     steps = followed.feet.shape[0]
     end = jnp.minimum((jnp.arange(steps) + 1) * per_step, reference.time.shape[0] - 1)

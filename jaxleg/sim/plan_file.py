@@ -1,10 +1,10 @@
 """Plans as files: `plan.npz` holds all that a replay needs, energy included, without this package.
 
-    time (T) [s], joint_pos, joint_vel (T,4,3) [rad, rad/s], joint_torque_ff (T,4,3) [N m], base_pos (T,3) [m], base_quat (T,4),
-    base_vel (T,6), foot_pos (T,4,3) [m, W], contact (T,4), load (T,4) in [0, 1], valid (T)
-    footholds (K,4,3), foothold_status (K,4), swing_status (K-1), com_waypoints (K,6) (trunk poses), leg_order
-    kp, kd (4,3); robot (name), robot_mjcf, motor, params (JSON); elevation, resolution, origin_xy (the map); goal (2)
-    robot/FIELD: the fields of `jaxleg.robot.Robot`
+time (T) [s], joint_pos, joint_vel (T,4,3) [rad, rad/s], joint_torque_ff (T,4,3) [N m], base_pos (T,3) [m], base_quat (T,4),
+base_vel (T,6), foot_pos (T,4,3) [m, W], contact (T,4), load (T,4) in [0, 1], valid (T)
+footholds (K,4,3), foothold_status (K,4), swing_status (K-1), com_waypoints (K,6) (trunk poses), leg_order
+kp, kd (4,3); robot (name), robot_mjcf, motor, params (JSON); elevation, resolution, origin_xy (the map); goal (2)
+robot/FIELD: the fields of `jaxleg.robot.Robot`
 """
 
 import dataclasses

@@ -17,7 +17,7 @@ from jaxleg.kinematics import foot_jacobian, rotation_from_quaternion
 from jaxleg.numerics import matmul
 from jaxleg.plan import Reference
 from jaxleg.robot import Robot
-from jaxleg.sim.follow import Posture, command
+from jaxleg.sim.follow import Posture, command, held_feet
 from jaxleg.sim.referee import LOADED, SETTLE, STEP, build_model, start_state
 from jaxleg.terrain.heightmap import HeightMap
 
@@ -50,7 +50,7 @@ def follow_all(
     state = np.stack([start_state(model, track) for model, track in zip(models, tracks)])
     ends = np.array([track.time[-1] for track in tracks])
     meter = _Meter(robot, len(tracks), np.array([t.trunk_pos[0, 2] - t.foot_pos[0, :, 2].mean() for t in tracks]))
-    feet = np.stack([track.foot_pos[0] for track in tracks])
+    held = feet = np.stack([track.foot_pos[0] for track in tracks])
     period, shots = STEPS * STEP, []
     with rollout.Rollout(nthread=2) as runner:
         workers = [mujoco.MjData(models[0]) for _ in range(2)]
@@ -59,7 +59,8 @@ def follow_all(
                 shots.append(state[:, 1:20].copy())
             rows = [_samples(track, max(time, 0.0)) for track in tracks]
             low, high = (jax.tree.map(lambda *x: np.stack(x), *side) for side in zip(*rows))
-            control = np.asarray(_control(robot, low, high, max(time, 0.0), period * (time >= 0.0), state[:, 1:20], feet))
+            now = (max(time, 0.0), period * (time >= 0.0))
+            control, held = (np.asarray(x) for x in _control(robot, low, high, *now, state[:, 1:20], held, feet))
             held = np.repeat(control[:, None], STEPS, axis=1)
             states, sensors = runner.rollout(models, workers, np.nan_to_num(state), held)
             meter.add(state, states, sensors, control, (time >= 0.0) & (time < ends))
@@ -74,18 +75,21 @@ def _samples(track: Reference, time: float) -> tuple[Reference, Reference]:
 
 
 @jax.jit
-def _control(robot: Robot, low: Reference, high: Reference, time, period, q, feet):
-    """Control of each lane: kp (corrected angles) + kd velocity + torque, as the actuators of `build_model` take it."""
+def _control(robot: Robot, low: Reference, high: Reference, time, period, q, held, feet):
+    """Control of each lane, kp (corrected angles) + kd velocity + torque as the actuators of `build_model` take it, and where
+    its feet are held."""
 
-    def lane(low, high, q, feet):
+    def lane(low, high, q, held, feet):
+        held = held_feet(held, feet, low.contact, period)
         angles = q[7:].reshape(4, 3)
         jacobian = jax.vmap(foot_jacobian)(all_leg_frames(robot, angles))
-        now = Posture(q[:3], q[3:7], feet, matmul(rotation_from_quaternion(q[3:7]), jacobian))
+        now = Posture(q[:3], q[3:7], held, matmul(rotation_from_quaternion(q[3:7]), jacobian))
         wanted = command(low, high, time, period, now)
         velocity = jnp.where(period > 0.0, wanted.velocity, 0.0)
-        return (robot.stiffness * wanted.position + robot.velocity_gain * velocity + wanted.torque).reshape(-1)
+        control = robot.stiffness * wanted.position + robot.velocity_gain * velocity + wanted.torque
+        return control.reshape(-1), held
 
-    return jax.vmap(lane)(low, high, q, feet)
+    return jax.vmap(lane)(low, high, q, held, feet)
 
 
 class _Meter:

@@ -49,8 +49,7 @@ def foothold_features(terrain: HeightMap, resolution: float, settings: FootholdS
     Concavity is below pi/2 where the ground is hollow. `resolution` is the map's [m per cell], static: it sets the windows.
     """
     elevation = jnp.where(jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
-    spheres = [_covariance(elevation, resolution, radius) for radius in settings.radii]
-    covariance, fits = (jnp.stack(parts) for parts in zip(*spheres))
+    covariance, fits = _covariance(elevation, resolution, settings.radii)
     normal, curvature = jax.vmap(jax.vmap(jax.vmap(normal_and_variation)))(covariance)
     slope = jnp.arctan2(norm_safe(normal[..., :2]), normal[..., 2])
     concavity = jnp.stack([_concavity(elevation, resolution, radius, n) for radius, n in zip(settings.radii, normal)])
@@ -66,9 +65,11 @@ def uphill(normal: Float[Array, "*map 3"], heading: Float[ArrayLike, ""]) -> Flo
     return jnp.arctan2(-normal[..., 0] * jnp.cos(heading) - normal[..., 1] * jnp.sin(heading), normal[..., 2])
 
 
-def _covariance(elevation, resolution: float, radius: float):
-    """Covariance [cells^2] of the points in the sphere about each cell, and whether they make a plane."""
-    zeros, window, limit = jnp.zeros_like(elevation), disc(radius, resolution), (radius / resolution + BORDER) ** 2
+def _covariance(elevation, resolution: float, radii: tuple[float, ...]):
+    """Covariance [cells^2] of the points in the spheres about each cell, and whether they make a plane; radii lead."""
+    window = disc(max(radii), resolution)
+    limit = (jnp.array(radii, elevation.dtype) / resolution + BORDER)[:, None, None] ** 2
+    zeros = jnp.zeros((len(radii), *elevation.shape), elevation.dtype)
 
     def point(offset, heights):
         """Place relative to the foothold [cells], and 1 for a seen cell inside the sphere."""

@@ -117,9 +117,7 @@ def test_a_spent_budget_has_its_own_status():
 def test_memory_does_not_grow_with_the_candidates_tried():
     """The search is one loop over a carry of fixed size: its compiled memory is the same for any budget."""
     data = tables(0)
-    sizes = {
-        budget: run.lower(*data, 3, budget).compile().memory_analysis().temp_size_in_bytes for budget in (10, 10**6)
-    }
+    sizes = {budget: run.lower(*data, 3, budget).compile().memory_analysis().temp_size_in_bytes for budget in (10, 10**6)}
     assert len(set(sizes.values())) == 1
 
 
