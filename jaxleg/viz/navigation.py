@@ -79,8 +79,8 @@ def draw_walk(terrain: HeightMap, valid: np.ndarray, walk: Trail, path: str | Pa
     ax.plot(*walk.path.T, **PATH)
     ax.plot(*walk.trunk.T, **TRUNK)
     _draw_feet(ax, walk.feet, ms=3.5)
-    ax.plot(*walk.start, "s", **_end())
-    ax.plot(*walk.goal, "*", **_end(13.0))
+    ax.plot(*walk.start, "s", **end_style())
+    ax.plot(*walk.goal, "*", **end_style(13.0))
     label(ax, "x [m]", "y [m]")
     legend_below(figure, [*_feet_keys(), *_walk_keys()], 5)
     save(figure, path)
@@ -120,7 +120,8 @@ def _draw_feet(ax: Axes, feet: np.ndarray, ms: float) -> None:
         ax.plot(*feet[:, leg, :2].T, "o", color=colour, mec="white", mew=0.4, ms=ms)
 
 
-def _end(ms: float = 8.0) -> dict:
+def end_style(ms: float = 8.0) -> dict:
+    """How start and goal are drawn."""
     return dict(color=GREEN, mec=BLACK, mew=0.8, ms=ms, ls="")
 
 
@@ -133,8 +134,8 @@ def _walk_keys() -> list:
     return [
         Line2D([], [], **PATH, label="body path, searched"),
         Line2D([], [], **TRUNK, label="trunk, simulated"),
-        Line2D([], [], marker="s", label="start", **_end()),
-        Line2D([], [], marker="*", label="goal", **_end(11.0)),
+        Line2D([], [], marker="s", label="start", **end_style()),
+        Line2D([], [], marker="*", label="goal", **end_style(11.0)),
         Patch(**INVALID, label="no foothold"),
         Patch(color=GREY, label="unseen"),
     ]
