@@ -31,6 +31,7 @@ HEADROOM = 0.08  # above and below all that is seen from the side [m]
 LEAST_FOOT = 5.0  # diameter of a foot from the side [points]
 PROFILE = 241  # points of the ground from the side
 COLOURS = 256  # of the film: with one palette for all frames flat areas do not flicker
+NEARLY = 249  # above this a channel is set to 255: the palette's averages leave white a little grey
 TRUNK = dict(facecolor="#c8c8c8", edgecolor=BLACK, lw=1.2, alpha=0.7)
 TRACK = dict(color=BLACK, lw=1.2)
 DECK = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])  # corners of the trunk, along two of its axes
@@ -65,8 +66,7 @@ def animate(
     `route` (n, xy) and `goal` (xy) in W [m] are drawn from above. Raises `InputError` for a path that does not end in .gif or
     cannot be written, ValueError for a `q` that is not finite or of another shape.
     """
-    if Path(path).suffix.lower() != ".gif":
-        raise InputError(f"{path}: the film's name must end in .gif")
+    _prepare(path)
     q = np.asarray(q, float)
     if q.ndim != 2 or q.shape[1] != 19 or not len(q) or not np.isfinite(q).all():
         raise ValueError(f"q of shape {q.shape} must be (frame, 19), at least one frame, and finite")
@@ -108,8 +108,10 @@ def _window(z: np.ndarray) -> np.ndarray:
 
 
 def _ground(terrain: HeightMap, feet: np.ndarray, centre: np.ndarray, ahead: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Heights (frame, left - right, point) on the lines through the feet (frame, leg, xy) of either side, so that these stand
-    on the ground that is drawn; before the front foot and behind the hind one in the direction of the heading."""
+    """Heights (frame, left - right, point) of the ground under the feet (frame, leg, xy) of either side.
+
+    The line goes through the hind and the front foot, which therefore stand on what is drawn, and on along the heading.
+    """
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)
     away = feet - centre[:, None]
     x, y = (np.sum(away * axis[:, None], axis=-1) for axis in (ahead, left))
@@ -135,7 +137,8 @@ class Stage:
         side.set(xlim=film.along[[0, -1]], ylim=(bottom, top), aspect="equal")
         label(side, "along the heading, from the trunk's centre [m]", "z, up [m]", "from the side")
         self.above, self.side = _Above(above), _Side(side, max(144.0 * radius * scale[1], LEAST_FOOT))
-        legend_below(self.figure, _legend(route, goal), 6)
+        keys = _legend(route, goal)
+        legend_below(self.figure, keys, -(-len(keys) // 2))
         self.canvas.draw()
         self.still = self.canvas.copy_from_bbox(self.figure.bbox)
 
@@ -144,8 +147,9 @@ class Stage:
         self.canvas.restore_region(self.still)
         self.above.move(self.film, frame, caption)
         self.side.move(self.film, frame)
-        for artist in (*self.above.artists, *self.side.artists):
-            artist.axes.draw_artist(artist)
+        for panel in (self.above, self.side):
+            for artist in panel.artists:
+                panel.ax.draw_artist(artist)
         return Image.fromarray(np.asarray(self.canvas.buffer_rgba())[..., :3])
 
 
@@ -153,6 +157,7 @@ class _Above:
     """What moves in the view from above."""
 
     def __init__(self, ax: Axes):
+        self.ax = ax
         (self.track,) = ax.plot([], [], **TRACK)
         self.deck = ax.add_patch(Polygon(np.zeros((4, 2)), **TRUNK))
         self.legs = [ax.plot([], [], color=colour, lw=1.6, marker="o", markevery=[-1], ms=4)[0] for colour in LEG_COLOUR]
@@ -173,6 +178,7 @@ class _Side:
     """What moves in the view from the side, seen from the robot's right; feet of `ms` points."""
 
     def __init__(self, ax: Axes, ms: float):
+        self.ax = ax
         grounds = [ax.plot([], [], **style)[0] for style in (GROUND_LEFT, GROUND_RIGHT)]
         legs = [ax.plot([], [], color=c, lw=2.2, marker="o", markevery=[-1], ms=ms, mew=0)[0] for c in LEG_COLOUR]
         self.deck = ax.add_patch(Polygon(np.zeros((4, 2)), **TRUNK))
@@ -231,12 +237,22 @@ def _legend(route, goal) -> list[Line2D]:
     return [*keys, Line2D([], [], **GROUND_RIGHT, label="ground, right feet")]
 
 
-def _write(path: str | Path, frames: Iterator[Image.Image], milliseconds: float) -> None:
-    """Write frames as they come: Pillow's writer keeps a byte a pixel of them, `PillowWriter` four."""
-    first = next(frames).quantize(COLOURS, Image.Quantize.MEDIANCUT)
-    rest = (frame.quantize(palette=first, dither=Image.Dither.NONE) for frame in frames)
+def _prepare(path: str | Path) -> None:
+    """Make a film's folder: what cannot be written is better known before the film is drawn."""
+    if Path(path).suffix.lower() != ".gif":
+        raise InputError(f"{path}: the film's name must end in .gif")
     try:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _write(path: str | Path, frames: Iterator[Image.Image], milliseconds: float) -> None:
+    """Write frames as they come: Pillow's own writer keeps a byte a pixel of them, matplotlib's four."""
+    first = next(frames).quantize(COLOURS, Image.Quantize.MEDIANCUT)
+    first.putpalette([255 if part > NEARLY else part for part in first.getpalette() or ()])
+    rest = (frame.quantize(palette=first, dither=Image.Dither.NONE) for frame in frames)
+    try:
         first.save(path, save_all=True, append_images=rest, duration=max(round(milliseconds), 20), loop=0)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from error

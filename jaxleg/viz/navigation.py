@@ -208,7 +208,7 @@ def _draw_series(ax: Axes, look: Look, steps: int) -> None:
     if steps + 1 < len(feet):
         ax.add_patch(Polygon(feet[steps][[foot for foot in RING if foot != leg]], **SUPPORT))
         ax.annotate("", feet[steps + 1, leg], feet[steps, leg], arrowprops=STEP)
-    _draw_feet(ax, feet, ms=6)
+    _draw_feet(ax, feet, ms=6.0)
     if look.stuck:
         ax.plot(*feet[-1, STEP_LEGS[(len(feet) - 1) % len(STEP_LEGS)]], **CROSS)
 
