@@ -9,30 +9,36 @@ import pytest
 
 from jaxleg.conventions import HEADINGS, LEG_END, LEGS, InputError
 from jaxleg.terrain import HeightMap
+from jaxleg.terrain.cost_map import CostSettings, cost_weights
 from jaxleg.terrain.foothold_cost import (
     FEATURES,
     FeetSettings,
     FootWeights,
     LegWeights,
-    feet_cost,
     foothold_cost,
     foothold_scores,
     windows,
 )
 from jaxleg.terrain.foothold_features import FootholdSettings, foothold_features, uphill
 
-SHAPE, SIZE = (16, 13), 0.04
+SHAPE, SIZE = (18, 18), 0.04
 SETTINGS = FootholdSettings()
 LIMIT = np.array([0.1, 0.6, 0.4, 0.6])
-FEET = FeetSettings(((0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1)), length=0.16, width=0.08)
+STANCE = ((0.12, 0.10), (0.12, -0.10), (-0.14, 0.10), (-0.14, -0.10))
+FEET = FeetSettings(STANCE, length=0.16, width=0.08)  # as the fixture has it
 
 
-def make(elevation):
-    return HeightMap(elevation, jnp.zeros(2, elevation.dtype), jnp.array(SIZE, elevation.dtype))
+def weights(seed=0):
+    return FootWeights(np.random.default_rng(seed).dirichlet(np.ones(8), 4), LIMIT)
 
 
-compute = jax.jit(lambda elevation: foothold_features(make(elevation), SIZE, SETTINGS))
-under_feet = jax.jit(lambda features, weights: feet_cost(features, SIZE, FEET, weights))
+ALL = cost_weights(CostSettings())._replace(feet=weights())
+
+
+@pytest.fixture(scope="module")
+def compute(costs):
+    """Foothold features of an elevation."""
+    return lambda elevation: costs(elevation, ALL)[0]
 
 
 def ground(seed):
@@ -79,8 +85,8 @@ def oracle(elevation):
     return [np.array([[row[k] for row in scale] for scale in rows]) for k in range(5)]
 
 
-@pytest.mark.parametrize(("dtype", "least_gap"), [("float64", 1e-4), ("float32", 0.05)])
-def test_features_are_their_definitions(dtype, least_gap):
+@pytest.mark.parametrize(("dtype", "least_gap"), [("float64", 1e-4), pytest.param("float32", 0.05, marks=pytest.mark.slow)])
+def test_features_are_their_definitions(compute, dtype, least_gap):
     """Single precision keeps five digits of the critical values where the points show which way the normal goes."""
     rtol, sharp = (1e-5, 1e-5 * LIMIT) if dtype == "float32" else (1e-8, np.full(4, 1e-7))
     for seed in range(3):
@@ -97,7 +103,7 @@ def test_features_are_their_definitions(dtype, least_gap):
             np.testing.assert_allclose(found[clear], rise[clear], rtol=rtol, atol=sharp[3])
 
 
-def test_planes_hollows_and_bumps():
+def test_planes_hollows_and_bumps(compute):
     x = SIZE * np.arange(SHAPE[0])[:, None] + np.zeros(SHAPE)
     plane = compute(0.3 * x)
     inner = (slice(None), slice(5, -5), slice(5, -5))
@@ -112,14 +118,14 @@ def test_planes_hollows_and_bumps():
     assert np.all(compute(-0.5 * middle**2 / 0.1).concavity[:, 8, 6] > math.pi / 2)
 
 
-def test_nothing_is_known_of_an_unseen_map():
-    features = compute(np.full(SHAPE, np.nan))
+def test_nothing_is_known_of_an_unseen_map(costs):
+    features, cost = costs(np.full(SHAPE, np.nan), ALL)
     assert all(np.all(np.isnan(x)) for x in features[:4])
     assert np.all(np.isinf(foothold_cost(features, weights(), 0, 0.0)))
-    assert np.all(np.isinf(under_feet(features, weights())))
+    assert np.all(np.isinf(cost.feet))
 
 
-def test_front_feet_like_it_uphill_and_hind_feet_downhill():
+def test_front_feet_like_it_uphill_and_hind_feet_downhill(compute):
     slope = 0.2 * SIZE * np.arange(SHAPE[0])[:, None] + np.zeros(SHAPE)
     features, only_uphill = compute(slope), np.array([0, 0, 0, 0.5, 0, 0, 0, 0.5])
     chosen = FootWeights(np.tile(only_uphill, (4, 1)), LIMIT)
@@ -130,7 +136,7 @@ def test_front_feet_like_it_uphill_and_hind_feet_downhill():
     np.testing.assert_allclose(up + down, 1.0, rtol=1e-9)
 
 
-def test_scores_and_costs_lie_between_0_and_1_in_the_order_of_their_names():
+def test_scores_and_costs_lie_between_0_and_1_in_the_order_of_their_names(compute):
     features = compute(ground(1))
     scores = np.asarray(foothold_scores(features, LIMIT, 3, 0.7))
     seen = np.isfinite(ground(1))
@@ -157,22 +163,22 @@ def inside(window, along, across):
     return along >= -long / 3 - near and abs(across) <= left + 2 * near
 
 
-def test_a_spike_and_a_wall_are_the_worst_footholds_but_known():
+def test_a_spike_and_a_wall_are_the_worst_footholds_but_known(compute):
     elevation = np.zeros(SHAPE)
-    elevation[8, 6], elevation[:, 11:] = 1.0, 4.0 * SIZE * np.arange(2)
+    elevation[8, 6], elevation[:, 16:] = 1.0, 4.0 * SIZE * np.arange(2)
     elevation[3, 3] = np.nan
     cost = np.asarray(foothold_cost(compute(elevation), weights(), 0, 0.0))
-    np.testing.assert_allclose(cost[[8, 8], [6, 12]], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(cost[[8, 8], [6, 17]], 1.0, rtol=1e-12)
     assert np.isinf(cost[3, 3])
     assert cost[12, 6] < 0.5
 
 
 @pytest.mark.parametrize("window", ["rectangle", "triangle"])
 def test_windows_turn_with_the_heading(window):
-    settings = FeetSettings(FEET.stance, window, FEET.length, FEET.width)
+    settings = FeetSettings(STANCE, window, FEET.length, FEET.width)
     for (dx, dy), row in zip(HEADINGS, windows(settings, SIZE)):
         c, s = np.array([dx, dy]) / math.hypot(dx, dy)
-        for (x, y), cells in zip(FEET.stance, row):
+        for (x, y), cells in zip(STANCE, row):
             middle = np.array([c * x - s * y, s * x + c * y])
             expected = set()
             for cell in np.ndindex(31, 31):
@@ -188,12 +194,11 @@ def test_a_window_smaller_than_a_cell_is_the_nearest_one():
     assert windows(tiny, SIZE)[0] == [((8, 4),), ((8, -4),), ((-8, 4),), ((-8, -4),)]
 
 
-def test_feet_cost_is_the_mean_over_the_windows():
-    features, chosen = compute(ground(1)), weights()
-    ours = np.asarray(under_feet(features, chosen))
+def test_feet_cost_is_the_mean_over_the_windows(costs):
+    features, cost_map = costs(ground(1), ALL)
     expected = np.full((8, *SHAPE), np.inf)
     for k, row in enumerate(windows(FEET, SIZE)):
-        cost = [np.asarray(foothold_cost(features, chosen, leg, k * math.pi / 4)) for leg in range(len(LEGS))]
+        cost = [np.asarray(foothold_cost(features, ALL.feet, leg, k * math.pi / 4)) for leg in range(len(LEGS))]
         for i, j in np.ndindex(*SHAPE):
             legs = []
             for leg, cells in enumerate(row):
@@ -201,7 +206,7 @@ def test_feet_cost_is_the_mean_over_the_windows():
                 legs.append(np.mean([c for c in there if np.isfinite(c)] or [np.inf]))
             expected[k, i, j] = np.mean(legs)
     assert 0.05 < np.isfinite(expected).mean() < 1.0
-    np.testing.assert_allclose(ours, expected, rtol=1e-10)
+    np.testing.assert_allclose(cost_map.feet, expected, rtol=1e-10)
 
 
 @jax.jit
@@ -209,11 +214,12 @@ def derivatives(elevation, direction):
     """Along a direction: forward and reverse mode; the gradient, the value."""
 
     def total(z):
-        features = compute(z)
+        features = foothold_features(HeightMap(z, jnp.zeros(2), jnp.array(SIZE)), SIZE, SETTINGS)
         return sum(jnp.nansum(x) for x in features[:3]) + jnp.nansum(uphill(features.normal, 0.4))
 
     gradient = jax.grad(total)(elevation)
-    return jax.jvp(total, (elevation,), (direction,))[1], jnp.sum(gradient * direction), gradient, total(elevation)
+    value, forward = jax.jvp(total, (elevation,), (direction,))
+    return forward, jnp.sum(gradient * direction), gradient, value
 
 
 @pytest.mark.slow  # long to compile; the analysis of the points has its own in test_principal
