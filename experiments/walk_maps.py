@@ -40,14 +40,9 @@ class World(NamedTuple):
 
 def world(count: int) -> World:
     """Maps of seeds 0, 1, ..., kinds in turn, difficulty rising."""
-    make = {
-        kind: jax.jit(
-            lambda seed, difficulty, kind=kind: terrain(kind, GRID, jax.random.key(seed), difficulty, TerrainSettings())
-        )
-        for kind in KINDS
-    }
+    make = jax.jit(lambda kind, seed, d: terrain(kind, GRID, jax.random.key(seed), d, TerrainSettings()), static_argnums=0)
     difficulty = (np.arange(count) // 2 + 0.5) / (count / 2)
-    maps = [make[KINDS[i % 2]](i, difficulty[i].astype(np.float32)) for i in range(count)]
+    maps = [make(KINDS[i % 2], i, difficulty[i].astype(np.float32)) for i in range(count)]
     ends = np.array([_ends(i) for i in range(count)], np.float32)
     return World(jax.tree.map(lambda *x: np.stack(x), *maps), ends[:, 0], ends[:, 1], np.arange(count) % 2, difficulty)
 
@@ -87,11 +82,7 @@ def summary(there: World, walked: Walked, detours: np.ndarray, seen: Outcome, va
             "map": int(i),
             "kind": KINDS[there.kind[i]],
             "difficulty": float(there.difficulty[i]),
-            "cause": NavigationStatus(status[i]).name.lower()
-            if not planned[i]
-            else "fell"
-            if seen.followed.meters.fell[i]
-            else "short",
+            "cause": "fell" if planned[i] and seen.followed.meters.fell[i] else NavigationStatus(status[i]).name.lower(),
         }
         for i in np.flatnonzero(~success)
     ]

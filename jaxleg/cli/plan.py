@@ -122,9 +122,10 @@ def make(study, robot, robot_name: str, kind: str, terrain, ends, out: Path, fig
     save(study, robot, robot_name, navigator, terrain, walk, planned, goal[0], out)
     show(console, walk, planned, int(detours[0]), out)
     if figure:
-        from jaxleg.viz.navigation import draw_plan
+        from jaxleg.viz.navigation import draw_walk, trail
 
-        draw_plan(Path(figure[0]), survey, walk, start[0], goal[0])
+        trunk = np.asarray(walk.states.pose)[: int(walk.count) + 1, :2]
+        draw_walk(terrain, survey.scene.valid, trail(terrain, walk, trunk, start[0], goal[0]), figure[0])
         console.print(f"picture: {figure[0]}")
     return 0
 

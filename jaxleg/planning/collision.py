@@ -17,7 +17,7 @@ from jaxleg.dynamics import all_leg_frames
 from jaxleg.numerics import matvec
 from jaxleg.planning.posture import trunk_rotation
 from jaxleg.robot import Robot
-from jaxleg.terrain.features import disc, over_disc
+from jaxleg.terrain.features import Disc, over_disc
 from jaxleg.terrain.heightmap import HeightMap, nearest_height
 
 THIGH = (0.5, 1.0)  # places of the tested points along the thigh ...
@@ -26,22 +26,29 @@ TRUNK = (5, 3)  # points along and across the trunk's lower face
 
 
 class Obstacles(NamedTuple):
-    """The ground widened by a leg's radius, and by half the spacing of the trunk's points; unseen cells are -inf: no obstacle."""
+    """The ground widened by a leg's radius, and by half the spacing of the trunk's points; no obstacle (-inf) where unseen."""
 
     leg: HeightMap
     trunk: HeightMap
 
 
 def obstacles(terrain: HeightMap, resolution: float, leg_radius: float, trunk_spacing: float) -> Obstacles:
-    """Widen a map; lengths [m] and the map's `resolution` are static. Half a cell's diagonal is added: columns are square."""
-    corner = resolution / np.sqrt(2.0)
+    """Widen a map; lengths [m] and the map's `resolution` are static."""
 
     def widened(radius: float) -> HeightMap:
         seen = jnp.where(jnp.isfinite(terrain.elevation), terrain.elevation, -jnp.inf)
-        high = over_disc(seen, -jnp.inf, jax.lax.max, disc(radius + corner, resolution))
+        high = over_disc(seen, -jnp.inf, jax.lax.max, columns_within(radius, resolution))
         return HeightMap(high, terrain.origin, terrain.resolution)
 
     return Obstacles(widened(leg_radius), widened(trunk_spacing / np.sqrt(2.0)))
+
+
+def columns_within(radius: float, resolution: float) -> Disc:
+    """Offsets of the cells whose square columns come within a radius [m] of some point of the middle cell; static."""
+    reach = int(np.ceil(radius / resolution)) + 1
+    gap = np.maximum(np.abs(np.arange(-reach, reach + 1)) - 1, 0) * resolution
+    near = np.hypot(gap[:, None], gap[None]) < radius
+    return tuple((int(i), int(j)) for i, j in np.argwhere(near) - reach)
 
 
 def trunk_spacing(trunk_size: np.ndarray) -> float:

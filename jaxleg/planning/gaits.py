@@ -258,6 +258,6 @@ def first_state(robot: Robot, plan: GaitPlan, scene: Scene, stations: Stations) 
 def gait_series(
     robot: Robot, plan: GaitPlan, scene: Scene, stations: Stations, root: State, steps: int, depth: int, budget: Int[Array, ""]
 ) -> Series:
-    """The series of states from `root` along the stations to the last one; `steps` at most, `depth` and `budget` as in `search`."""
+    """The series of states from `root` along the stations, `steps` at most; `depth` and `budget` as in `search`."""
     count = jnp.minimum(2 * stations.count, steps)
     return search(gait_nodes(robot, plan, scene, stations), root, count, steps, depth, budget)

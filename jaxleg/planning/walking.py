@@ -53,7 +53,7 @@ def walk_phases(
     end = stand_pose(robot, plan.pose, states.feet[count], level, states.pose[count, 5])
     pose = jnp.where((step <= count)[:, None], states.pose[jnp.minimum(step, count)], end)
     target = jnp.where(walked[:, None], states.pose[jnp.minimum(step + 1, steps)], end)
-    leg = jnp.resize(jnp.array(STEP_LEGS), steps + 1)
+    leg = jnp.array(STEP_LEGS)[step % 4]
     start, stop = feet[step, leg], after[step, leg]
     apex = jnp.where(walked, jax.vmap(swing_apex, in_axes=(None, None, 0, 0))(plan, ground, start, stop), 0.0)
     swings = jnp.where(walked[:, None], jax.nn.one_hot(leg, 4, dtype=feet.dtype), 0.0)

@@ -12,12 +12,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxleg.plan import GaitParams
 from jaxleg.planning.footholds import nearest_cell
 from jaxleg.planning.navigation import NavigationStatus, Navigator, Planned, Survey, Walked, make_navigator
 from jaxleg.planning.pose import STEP_LEGS
 from jaxleg.robot import Robot
 from jaxleg.search.batches import over_lanes, shared_out
-from jaxleg.search.config import Gait, Study
+from jaxleg.search.config import PARAMETERS, Gait, Study
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
 from jaxleg.sim.follow import Followed, follow, landing_errors
@@ -41,7 +42,8 @@ class Outcome(NamedTuple):
 def navigator_of(study: Study, robot: Robot, gait: Gait, resolution: float) -> Navigator:
     """The planner of a study's settings on maps of a resolution [m per cell]."""
     simulation = study.simulation
-    return make_navigator(robot, study.navigation, gait, simulation.load_share, simulation.clearance, resolution)
+    params = GaitParams(*(jnp.asarray(getattr(gait, name), float) for name in PARAMETERS))
+    return make_navigator(robot, study.navigation, params, simulation.load_share, simulation.clearance, resolution)
 
 
 def navigate(
@@ -62,7 +64,7 @@ def navigate(
         found = again.status <= NavigationStatus.OK
         retry = found | np.isin(again.status, (NavigationStatus.DEAD_END, NavigationStatus.BUDGET))
         detours[lost[retry]] += 1
-        walked = jax.tree.map(lambda x, y: _put(x, lost[retry], y[retry]), walked, again)
+        walked = _put(walked, lost[retry], _take(again, retry))
         closed[lost[~retry]] = True  # no other path is left: the dead end stays its cause
     return walked, detours
 
@@ -128,7 +130,12 @@ def _take(tree: Any, lanes: np.ndarray) -> Any:
     return jax.tree.map(lambda x: np.asarray(x)[lanes], tree)
 
 
-def _put(x: np.ndarray, lanes: np.ndarray, values: np.ndarray) -> np.ndarray:
-    x = np.array(x)
-    x[lanes] = values
-    return x
+def _put(tree: Any, lanes: np.ndarray, values: Any) -> Any:
+    """The tree with these lanes' values put in."""
+
+    def put(x, new):
+        x = np.array(x)
+        x[lanes] = new
+        return x
+
+    return jax.tree.map(put, tree, values)

@@ -205,6 +205,6 @@ def landing_errors(reference: Reference, followed: Followed, per_step: int, legs
     """Horizontal distance [m] of the foot that has swung from its planned place, at the end of each step."""
     steps = followed.feet.shape[0]
     end = jnp.minimum((jnp.arange(steps) + 1) * per_step, reference.time.shape[0] - 1)
-    leg = jnp.resize(jnp.array(legs), steps)
+    leg = jnp.array(legs)[jnp.arange(steps) % len(legs)]
     apart = followed.feet[jnp.arange(steps), leg] - reference.foot_pos[end, leg]
     return jnp.linalg.norm(apart[:, :2], axis=-1)

@@ -61,7 +61,7 @@ def save_plan(
     params: dict[str, Any],
 ) -> None:
     """Write a plan; all its samples are valid. Raises `InputError` where nothing can be written."""
-    arrays = {key: np.asarray(getattr(reference, field)) for field, key in COLUMNS.items()}
+    arrays: dict[str, Any] = {key: np.asarray(getattr(reference, field)) for field, key in COLUMNS.items()}
     load = arrays["load"]
     arrays |= {"contact": load > 0.5, "valid": np.ones(len(load), bool), "leg_order": np.array(LEGS)}
     count = len(footholds)
@@ -85,7 +85,7 @@ def save_plan(
     arrays |= {f"robot/{field.name}": getattr(robot, field.name) for field in dataclasses.fields(Robot)}
     try:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
-        np.savez_compressed(path, **{key: np.asarray(value) for key, value in arrays.items()})
+        np.savez_compressed(path, allow_pickle=False, **{key: np.asarray(value) for key, value in arrays.items()})
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from error
 

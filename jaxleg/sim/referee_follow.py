@@ -71,7 +71,8 @@ def follow_all(
 def _samples(track: Reference, time: float) -> tuple[Reference, Reference]:
     """The samples before and after a time [s]."""
     index = int(np.clip(np.searchsorted(track.time, time, side="right") - 1, 0, len(track.time) - 2))
-    return tuple(Reference(*(x[index + k] for x in track)) for k in (0, 1))
+    low, high = (Reference(*(x[index + k] for x in track)) for k in (0, 1))
+    return low, high
 
 
 @jax.jit
@@ -101,7 +102,7 @@ class _Meter:
         self.resistance, self.stand = float(robot.resistance), stand
         self.sums = {name: np.zeros(lanes) for name in ("mechanical", "mechanical_positive", "joule", "slip")}
         self.margin, self.fell, self.trunk = np.full(lanes, np.inf), np.zeros(lanes, bool), np.zeros((lanes, 3))
-        self.feet: np.ndarray | None = None
+        self.feet = np.full((lanes, 4, 3), np.nan)
 
     def add(self, before, states, sensors, control, counts) -> None:
         """One period of all lanes: states (lane, step, ...) after each of its steps."""
@@ -121,9 +122,8 @@ class _Meter:
 
     def _feet(self, sensors, counts) -> None:
         feet, load, com = sensors[:, :12].reshape(-1, 4, 3), sensors[:, 12:16], sensors[:, 16:19]
-        if self.feet is not None:
-            moved = np.linalg.norm(feet - self.feet, axis=-1) * (load > LOADED)
-            self.sums["slip"] += np.where(counts, moved.mean(axis=1), 0.0)
+        moved = np.nan_to_num(np.linalg.norm(feet - self.feet, axis=-1)) * (load > LOADED)
+        self.sums["slip"] += np.where(counts, moved.mean(axis=1), 0.0)
         margin = np.asarray(_margins(com[:, :2], feet[..., :2], load > 1.0))
         self.margin = np.where(counts, np.minimum(self.margin, margin), self.margin)
         self.feet = feet

@@ -108,9 +108,11 @@ def feet_cost(
     The mean over the legs of the mean foothold cost in the window round the leg's default foothold, which turns with the
     heading. Unseen cells are left out; infinite where a leg has none but such cells.
     """
-    return jnp.mean(
-        window_means(lambda leg, turn: foothold_cost(features, weights, leg, 0.25 * jnp.pi * turn), resolution, settings), axis=1
-    )
+
+    def cost(leg, turn):
+        return foothold_cost(features, weights, leg, 0.25 * jnp.pi * turn)
+
+    return jnp.mean(window_means(cost, resolution, settings), axis=1)
 
 
 def least_footing(

@@ -46,7 +46,7 @@ def test_spin_is_the_rotations_rate():
     for turn in TURNS[:5]:
         rotation, change = jax.jvp(trunk_rotation, (jnp.asarray(turn),), (rate,))
         cross = np.asarray(rotation.T @ change)  # R^T dR/dt is the cross product matrix of the spin in B
-        np.testing.assert_allclose(trunk_spin(turn, rate), [cross[2, 1], cross[0, 2], cross[1, 0]], atol=1e-12)
+        np.testing.assert_allclose(trunk_spin(jnp.asarray(turn), rate), [cross[2, 1], cross[0, 2], cross[1, 0]], atol=1e-12)
         np.testing.assert_allclose(cross, -cross.T, atol=1e-12)
 
 

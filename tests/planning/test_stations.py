@@ -61,4 +61,5 @@ def test_a_path_of_one_cell_has_arrived():
     points = jnp.zeros((10, 2)) + 0.3
     found = along(smooth_route(points, jnp.array(1), jnp.array(0.02), jnp.array(0.5), 400), jnp.array(0.4))
     assert found.count == 0
-    assert np.all(np.isfinite(found.xy)) and np.all(np.isfinite(found.yaw))
+    assert np.all(np.isfinite(found.xy))
+    assert np.all(np.isfinite(found.yaw))

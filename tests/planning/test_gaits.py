@@ -1,0 +1,119 @@
+"""Candidate footholds against plain loops, and what makes a step impossible: reach, balance, walls, the unseen."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxleg.planning.config import Navigation
+from jaxleg.planning.gaits import Scene, State, footing, holding_power, swing_apex, transition
+from jaxleg.planning.navigation import make_navigator
+from jaxleg.planning.pose import stand_pose, swing_pose
+from jaxleg.planning.states import Cause
+from jaxleg.swing.cycloid import swing_foot
+from jaxleg.terrain import HeightMap
+from tests.planning.conftest import gait
+
+SIZE, SHAPE, ORIGIN = 0.04, (50, 40), np.array([-1.0, -0.8])
+LEG = 3  # RH swings
+FEET = np.array([[0.36, 0.2, 0.004], [0.28, -0.2, 0.004], [-0.28, 0.2, 0.004], [-0.36, -0.2, 0.004]])
+TARGET = np.array([-0.2, -0.2, 0.004])
+LEVEL, STILL = np.zeros(SHAPE), np.zeros(6)
+
+
+@pytest.fixture(scope="module")
+def navigator(pegasus):
+    return make_navigator(pegasus, Navigation(), gait(0.46), 0.1, 0.03, SIZE)
+
+
+def terrain_of(elevation):
+    return HeightMap(jnp.asarray(elevation), jnp.asarray(ORIGIN), jnp.array(SIZE))
+
+
+@pytest.fixture(scope="module")
+def cause(navigator, pegasus):
+    """Why RH cannot step from FEET to a target on a map, with the trunk adjusted and its pose moved."""
+
+    @jax.jit
+    def run(elevation, target, adjust, moved):
+        ground = navigator.obstacles(terrain_of(elevation))
+        feet, plan, yaw = jnp.asarray(FEET), navigator.gait, jnp.array(0.0)
+        start = stand_pose(pegasus, plan.pose, feet, jnp.array([0.46, 0.0, 0.0]), yaw)
+        pose = swing_pose(pegasus, plan.pose, feet, feet.at[LEG].set(target), jnp.array(LEG), adjust, yaw) + moved
+        return transition(pegasus, plan, ground, State(feet, start), jnp.array(LEG), target, pose)
+
+    def ask(elevation=LEVEL, target=TARGET, adjust=(0.46, 0.0, 0.0), moved=STILL):
+        return Cause(int(run(*(jnp.asarray(x) for x in (elevation, target, adjust, moved)))))
+
+    return ask
+
+
+def wall(x, y, half, height):
+    """Flat ground with a block."""
+    i, j = (ORIGIN[k] + SIZE * np.arange(SHAPE[k]) for k in (0, 1))
+    inside = (np.abs(i - x) <= half)[:, None] & (np.abs(j - y) <= half)[None]
+    return np.where(inside, height, 0.0)
+
+
+def test_a_step_on_level_ground_can_be_made(cause):
+    assert cause() == Cause.NONE
+
+
+def test_what_makes_a_step_impossible(cause):
+    assert cause(target=TARGET + np.array([0.5, 0.0, 0.0])) == Cause.KINEMATICS
+    assert cause(adjust=(0.62, 0.0, 0.0)) == Cause.KINEMATICS
+    assert cause(moved=np.array([0.0, -0.12, 0, 0, 0, 0])) == Cause.STABILITY
+    assert cause(elevation=wall(-0.5, -0.2, 0.05, 0.25)) == Cause.HIND_LEG  # the knees point backward
+    assert cause(elevation=wall(0.16, 0.2, 0.05, 0.25)) == Cause.LEFT_LEG
+    assert cause(elevation=wall(0.0, 0.0, 0.06, 0.6)) == Cause.COLLISION
+    unseen = np.zeros(SHAPE)
+    assert cause(elevation=unseen, target=np.full(3, np.nan)) == Cause.NOT_FINITE
+
+
+def test_a_wall_that_nothing_comes_near_does_not_matter(cause):
+    assert cause(elevation=wall(0.0, 0.7, 0.05, 1.0)) == Cause.NONE
+
+
+def test_footholds_are_the_best_valid_cells_of_the_turned_rectangle(navigator, pegasus):
+    rng = np.random.default_rng(0)
+    valid, cost = rng.random(SHAPE) < 0.5, rng.random((4, 8, *SHAPE))
+    cost[rng.random(cost.shape) < 0.05] = np.inf
+    scene = Scene(terrain_of(0.02 * rng.normal(size=SHAPE)), jnp.asarray(valid), jnp.asarray(cost), None)
+    plan = navigator.gait
+    find = jax.jit(lambda xy, yaw, leg: footing(pegasus, plan, scene, xy, yaw, leg))
+    for _ in range(6):
+        default, yaw, leg = rng.uniform(-0.6, 0.6, 2), rng.uniform(-4.0, 4.0), rng.integers(4)
+        rows = []
+        for i, j in np.argwhere(valid):
+            xy = ORIGIN + SIZE * np.array([i, j])
+            ahead, left = (np.cos(yaw), np.sin(yaw)) @ (xy - default), (-np.sin(yaw), np.cos(yaw)) @ (xy - default)
+            if abs(ahead) <= 0.14 + 1e-5 and abs(left) <= 0.10 + 1e-5:
+                value = cost[leg, round(yaw / (np.pi / 4)) % 8, i, j] + 0.3 * np.hypot(ahead, left) / np.hypot(0.14, 0.10)
+                rows.append((value, *xy))
+        rows = np.array(sorted(r for r in rows if np.isfinite(r[0])))[:12]
+        seen = find(jnp.asarray(default), jnp.array(yaw), jnp.array(leg))
+        assert int(seen.exists.sum()) == len(rows)
+        np.testing.assert_allclose(np.asarray(seen.cost)[: len(rows)], rows[:, 0], atol=1e-9)
+        np.testing.assert_allclose(np.asarray(seen.foot)[: len(rows), :2], rows[:, 1:], atol=1e-9)
+
+
+def test_a_swing_clears_the_widened_ground(navigator):
+    start, end = jnp.asarray(FEET[LEG]), jnp.asarray(TARGET) + jnp.array([0.1, 0.05, 0.0])
+    elevation = wall(-0.2, -0.18, 0.05, 0.12)
+    ground = navigator.obstacles(terrain_of(elevation))
+    apex = swing_apex(navigator.gait, ground, start, end)
+    shares = jnp.linspace(0.15, 0.85, 57)
+    path = np.asarray(jax.vmap(lambda s: swing_foot(start, end, apex, s, navigator.gait.lift_share))(shares))
+    cell = np.round((path[:, :2] - ORIGIN) / SIZE).astype(int)
+    assert np.min(path[:, 2] - elevation[tuple(cell.T)]) > 0.0
+    assert apex >= 0.12
+    level = swing_apex(navigator.gait, navigator.obstacles(terrain_of(np.zeros(SHAPE))), start, end)
+    np.testing.assert_allclose(level, navigator.gait.swing_height)
+
+
+def test_holding_power_is_least_with_nearly_straight_legs(pegasus):
+    """Paper A, Fig. 5: standing takes the most current in between, the least nearly straight; and it goes with R."""
+    up = jnp.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    power = jax.jit(lambda robot, h: holding_power(robot, jnp.asarray(FEET), h * up, jnp.ones(4)))
+    high, low = power(pegasus, 0.56), power(pegasus, 0.42)
+    assert 0.0 < high < 0.5 * low
