@@ -7,8 +7,8 @@ features know nothing of that. The expert ranks each set of candidates by energy
 spread within the training sets; weights are learned from those rankings (listwise) and judged by the pairs they order rightly
 on held-out terrains, with a bootstrap over sets. Paper C, (11)-(13).
 
-Found (400 terrains, seed 7): of the held-out pairs the learned weights order 0.77 (front) and 0.82 (hind) rightly, the hand's 0.72
-and 0.78. Slope under the foot is nearly all of it, and slip nearly all of what can be told (0.87, 0.86; energy 0.53, 0.57). Signed
+Found (400 terrains): of the held-out pairs the learned weights order 0.77 (front) and 0.82 (hind) rightly, the hand's 0.72 and
+0.78. Slope under the foot is nearly all of it, and slip nearly all of what can be told (0.87, 0.86; energy 0.53, 0.57). Signed
 weights tell energy better (0.65, 0.63), and turn the paper's uphill rule round for both legs.
 
     python -m experiments.learn_footholds [--quick]
