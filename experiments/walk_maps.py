@@ -16,11 +16,15 @@ import numpy as np
 import tyro
 
 from experiments.common import setup, write
-from jaxleg.planning.navigation import NavigationStatus, Walked
+from jaxleg.planning.navigation import NavigationStatus, Navigator, Survey, Walked
 from jaxleg.planning.states import Cause
+from jaxleg.search.batches import over_lanes
 from jaxleg.search.config import Gait
-from jaxleg.search.navigate import Outcome, navigate, navigator_of, on_valid_cells, simulate_all, survey_all
+from jaxleg.search.lanes import Lab
+from jaxleg.search.navigate import CHUNK, Outcome, navigate, navigator_of, on_valid_cells, simulate_all, survey_all
+from jaxleg.sim.referee_follow import follow_all
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
+from jaxleg.viz.navigation import Trials, draw_success
 
 GRID = Grid(200, 100, 0.04, (0.02, 0.02))
 KINDS = ("cuboids", "fractal")
@@ -38,10 +42,10 @@ class World(NamedTuple):
     difficulty: np.ndarray
 
 
-def world(count: int) -> World:
-    """Maps of seeds 0, 1, ..., kinds in turn, difficulty rising."""
+def world(count: int, hardest: float = 1.0) -> World:
+    """Maps of seeds 0, 1, ..., kinds in turn, difficulty rising to the hardest."""
     make = jax.jit(lambda kind, seed, d: terrain(kind, GRID, jax.random.key(seed), d, TerrainSettings()), static_argnums=0)
-    difficulty = (np.arange(count) // 2 + 0.5) / (count / 2)
+    difficulty = hardest * (np.arange(count) // 2 + 0.5) / (count / 2)
     maps = [make(KINDS[i % 2], i, difficulty[i].astype(np.float32)) for i in range(count)]
     ends = np.array([_ends(i) for i in range(count)], np.float32)
     return World(jax.tree.map(lambda *x: np.stack(x), *maps), ends[:, 0], ends[:, 1], np.arange(count) % 2, difficulty)
@@ -66,16 +70,61 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     walked, detours = navigate(navigator, surveys, there.start, there.goal)
     seen = simulate_all(navigator, lab.engine, lab.ground, surveys, walked, there.goal)
     result = summary(there, walked, detours, seen, on_valid_cells(surveys, walked))
+    lanes = np.flatnonzero(succeeded(walked, seen))
+    result["referee"] = refereed(lab, navigator, surveys, walked, seen, lanes, 4 if quick else REPLAYS)
     show(result)
+    draw_success(trials(there, walked, seen), (out or Path("runs/walk_maps")) / "success.png")
     write("walk_maps", out, result)
+
+
+def succeeded(walked: Walked, seen: Outcome) -> np.ndarray:
+    """Lanes that walked to within 0.3 m of the goal without a fall or trunk contact."""
+    return (walked.status == NavigationStatus.OK) & seen.finished & (seen.left < 0.3)
+
+
+def has_path(walked: Walked) -> np.ndarray:
+    """Lanes with a body path."""
+    none = (NavigationStatus.NO_PATH, NavigationStatus.START_BLOCKED, NavigationStatus.GOAL_BLOCKED)
+    return ~np.isin(walked.status, none)
+
+
+def trials(there: World, walked: Walked, seen: Outcome) -> list[Trials]:
+    """Success against difficulty by kind of terrain."""
+    path, success = has_path(walked), succeeded(walked, seen)
+    kinds = [(kind, there.kind == k) for k, kind in enumerate(KINDS)]
+    return [Trials(kind, there.difficulty[of], path[of], success[of]) for kind, of in kinds]
+
+
+def refereed(
+    lab: Lab, navigator: Navigator, surveys: Survey, walked: Walked, seen: Outcome, lanes: np.ndarray, count: int
+) -> dict[str, Any]:
+    """Some walks again in C MuJoCo, evenly from easy to hard: outcomes, and energy beside MJX."""
+    lanes = lanes[np.linspace(0, len(lanes) - 1, count).round().astype(int)]
+    part = jax.tree.map(lambda x: x[lanes], (surveys, walked))
+    planned = over_lanes(navigator.planned, CHUNK)(*part)
+    cut = [jax.tree.map(lambda x, i=i: x[i, : planned.last[i] + 1], planned.reference) for i in range(count)]
+    grounds = [jax.tree.map(lambda x, i=i: x[i], part[0].scene.terrain) for i in range(count)]
+    judged = follow_all(lab.robot, grounds, cut, float(lab.ground.friction))
+    ours = np.array([float(np.sum(x)) for x in _positive(seen, lanes)])
+    theirs = judged.mechanical_positive + judged.joule
+    return {
+        "maps": lanes.tolist(),
+        "falls": int(judged.fell.sum()),
+        "energy_over_mjx": (theirs / ours).tolist(),
+        "energy_worst_off": float(np.max(np.abs(theirs / ours - 1.0))),
+    }
+
+
+def _positive(seen: Outcome, lanes: np.ndarray) -> np.ndarray:
+    """Electrical energy by joint under `positive` [J]."""
+    energy = seen.followed.meters.energy
+    return (energy.mechanical_positive + energy.joule)[lanes]
 
 
 def summary(there: World, walked: Walked, detours: np.ndarray, seen: Outcome, valid: np.ndarray) -> dict[str, Any]:
     """The rows of the result, and every failure's cause."""
-    status = walked.status
-    path = ~np.isin(status, (NavigationStatus.NO_PATH, NavigationStatus.START_BLOCKED, NavigationStatus.GOAL_BLOCKED))
-    planned = status == NavigationStatus.OK
-    success = planned & seen.finished & (seen.left < 0.3)
+    status, planned = walked.status, walked.status == NavigationStatus.OK
+    path, success = has_path(walked), succeeded(walked, seen)
     landing = seen.landing.max(axis=1)
     failures = [
         {
@@ -105,6 +154,10 @@ def summary(there: World, walked: Walked, detours: np.ndarray, seen: Outcome, va
         "tried_a_step": float(walked.visited[planned].sum() / walked.count[planned].sum()),
         "with_detours": int((planned & (detours > 0)).sum()),
         "causes_of_refused_candidates": {c.name.lower(): int(walked.causes[:, c].sum()) for c in Cause if c},
+        "by_kind": {
+            kind: {"with_path": int(path[of].sum()), "walked": int(success[of].sum()), "maps": int(of.sum())}
+            for kind, of in ((kind, there.kind == k) for k, kind in enumerate(KINDS))
+        },
         "failures": failures,
     }
 

@@ -142,17 +142,20 @@ class Navigator:
         return smooth_route(points, jnp.maximum(path.length, 1), spacing, window, 3 * self.settings.path.cells)
 
     def walk(self, survey: Survey, start: Float[Array, "2"], goal: Float[Array, "2"], closed: Bool[Array, "nx ny"]) -> Walked:
-        """Path, stations and the series of gaits; `closed` cells are not walked over (detours). Paper C, 3."""
-        settings, terrain = self.settings, survey.scene.terrain
-        path = self.path(terrain, jnp.where(closed, jnp.inf, survey.cost.total), start, goal)
-        route = self.route(terrain, path)
+        """Path, stations and the series of gaits; `closed` cells are not walked over (detours). Paper C."""
+        cost = jnp.where(closed, jnp.inf, survey.cost.total)
+        return self.along(survey.scene, self.path(survey.scene.terrain, cost, start, goal))
+
+    def along(self, scene: Scene, path: BodyPath) -> Walked:
+        """Stations and the series of gaits along a body path. Paper C, 3."""
+        settings, route = self.settings, self.route(scene.terrain, path)
         steps = settings.path.steps
         seen = stations(route, self.stride, route.direction[0], steps // 2 + 3)
-        root, standing = first_state(self.robot, self.gait, survey.scene, seen)
+        root, standing = first_state(self.robot, self.gait, scene, seen)
         tree = settings.tree
         usable = (path.status == PathStatus.OK) & standing
         seen = seen._replace(count=jnp.where(usable, seen.count, 0))
-        found = gait_series(self.robot, self.gait, survey.scene, seen, root, steps, tree.depth, jnp.asarray(tree.budget))
+        found = gait_series(self.robot, self.gait, scene, seen, root, steps, tree.depth, jnp.asarray(tree.budget))
         status = jnp.where(found.status == SearchStatus.DEAD_END, NavigationStatus.DEAD_END, NavigationStatus.OK)
         status = jnp.where(found.status == SearchStatus.BUDGET, NavigationStatus.BUDGET, status)
         status = jnp.where(2 * seen.count > steps, NavigationStatus.TOO_LONG, status)
