@@ -146,6 +146,8 @@ def summary(there: World, walked: Walked, detours: np.ndarray, seen: Outcome, va
         "landing_worst_m": float(landing[success].max()),
         "landing_over_2cm": int((landing[planned] > 0.02).sum()),
         "margin_least_m": float(seen.followed.meters.margin[success].min()),
+        "margin_median_m": float(np.median(seen.followed.meters.margin[success])),
+        "margin_negative": int((seen.followed.meters.margin[success] < 0.0).sum()),
         "knee_bend_least_deg": float(np.rad2deg(seen.knee_bend[planned].min())),
         "torque_ratio_greatest": float(seen.torque_ratio[planned].max()),
         "left_worst_m": float(seen.left[success].max()),

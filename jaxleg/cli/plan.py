@@ -23,7 +23,7 @@ NAMES = {  # statuses of a planned walk, in words
 def plan(arguments: list[str]) -> int:
     """Read and check everything, plan, write `plan.npz`. Exit status 1 where there is no walk, with the reason."""
     rest = list(arguments)
-    if not rest or {"-h", "--help"} & set(rest):
+    if {"-h", "--help"} & set(rest):
         print(USAGE)
         return 0
     ends = {name: take(rest, name, 2) for name in ("start", "goal")}

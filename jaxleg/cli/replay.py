@@ -16,7 +16,7 @@ FRAME = 0.25  # between the pictures of a video [s]
 def replay(arguments: list[str]) -> int:
     """Simulate a plan and write `replay.json`. Exit status 1 where the robot falls."""
     rest = list(arguments)
-    if not rest or {"-h", "--help"} & set(rest):
+    if {"-h", "--help"} & set(rest):
         print(USAGE)
         return 0
     engine = (take(rest, "engine") or ["mjx"])[0]

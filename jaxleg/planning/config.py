@@ -20,7 +20,7 @@ class PathSettings:
     turn_deg: float = setting(15.0, above=0.0, max=90.0, unit="deg", help="most that the stance turns in a cycle")
     cells: int = setting(600, min=2, max=100000, help="most cells of a path")
     steps: int = setting(240, min=4, max=100000, help="most steps of a walk")
-    detours: int = setting(3, min=0, max=100, help="other paths tried where no gait leads along one")
+    detours: int = setting(6, min=0, max=100, help="other paths tried where no gait leads along one")
     detour_radius: float = setting(0.3, above=0.0, max=5.0, unit="m", help="ground closed round a dead end for the next path")
 
     def __post_init__(self) -> None:

@@ -240,8 +240,11 @@ def _order(robot: Robot, plan: GaitPlan, state: State, leg, seen: Footing) -> In
 def first_state(robot: Robot, plan: GaitPlan, scene: Scene, stations: Stations) -> tuple[State, Bool[Array, ""]]:
     """The stance that the walk begins in, each foot on its best cell, and whether all four have one.
 
-    The right feet stand at the first station, the left ones at the second: they swing last.
+    The right feet stand at the first station, the left ones at the second: they swing last. There is no step before it whose
+    reach would bind, so the rectangles are half as large again.
     """
+    cells = -(-3 * plan.cells // 2)
+    plan = dataclasses.replace(plan, search_length=1.5 * plan.search_length, search_width=1.5 * plan.search_width, cells=cells)
     legs = jnp.arange(4)
     station = jnp.where(legs % 2 == 0, 1, 0)
 
