@@ -17,7 +17,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
 from jaxleg.conventions import HEADINGS
@@ -36,8 +35,8 @@ class PathStatus(enum.IntEnum):
 class PathWeights(NamedTuple):
     """mu_1 of the way [per m] and mu_2 of the cost; they sum to 1. A larger mu_2 takes longer ways over cheaper ground. (17)"""
 
-    distance: Float[ArrayLike, ""]
-    cost: Float[ArrayLike, ""]
+    distance: Float[Array, ""]
+    cost: Float[Array, ""]
 
 
 class BodyPath(NamedTuple):
@@ -55,15 +54,19 @@ def move_costs(
 ) -> Float[Array, "heading nx ny"]:
     """Cost of leaving each cell under each heading; infinite off the map and into blocked cells. Paper C, (17), (18).
 
-    `cost` is infinite where blocked, `resolution` the size of a cell along x and y [m].
+    `cost` is infinite where blocked (or NaN, unknown), else not negative; `resolution` is the size of a cell along x and y [m].
     """
     steps = jnp.asarray(HEADINGS, resolution.dtype) * resolution
     way = jnp.sqrt(jnp.sum(steps**2, axis=1))
     entered = jnp.stack([_moved(c, step, jnp.inf) for c, step in zip(cost, HEADINGS)])
-    return weights.distance * way[:, None, None] + weights.cost * entered
+    closed = ~jnp.isfinite(entered)
+    moves = weights.distance * way[:, None, None] + weights.cost * jnp.where(closed, 0.0, entered)  # 0 inf has no gradient
+    return jnp.where(closed, jnp.inf, moves)
 
 
-def heuristic(shape: tuple[int, int], goal: Int[Array, "2"], weights: PathWeights, resolution: Float[Array, "2"]):
+def heuristic(
+    shape: tuple[int, int], goal: Int[Array, "2"], weights: PathWeights, resolution: Float[Array, "2"]
+) -> Float[Array, "nx ny"]:
     """mu_1 times the straight way from each cell to the goal: never more than the cost to go. Paper C, (19), (20)."""
     i, j = (jnp.arange(n) - g for n, g in zip(shape, goal))
     return weights.distance * jnp.hypot(i[:, None] * resolution[0], j[None, :] * resolution[1])
@@ -79,43 +82,54 @@ def cost_to_go(moves: Float[Array, "heading nx ny"], goal: Int[Array, "2"]) -> F
     return _sweeps(moves, goal)
 
 
+@jax.custom_batching.custom_vmap
 def _sweeps(moves, goal):
-    start = jnp.full(moves.shape[1:], jnp.inf, moves.dtype).at[tuple(goal)].set(0.0)
-    ways = {(axis, sign): [h for h, step in enumerate(HEADINGS) if step[axis] == sign] for axis in (0, 1) for sign in (1, -1)}
-    # the moves of each direction of travel with the swept axis first, once and for all
-    sets = {
-        way: jnp.moveaxis(jnp.stack([moves[h] if way[0] == 0 else moves[h].T for h in hs]), 0, 1) for way, hs in ways.items()
-    }
+    return _sweeps_of_lanes(moves[..., None], goal[None])[..., 0]
 
-    def once(value):
-        for (axis, sign), hs in ways.items():
-            aside = [HEADINGS[h][1 - axis] for h in hs]
-            value = _sweep(value if axis == 0 else value.T, sets[axis, sign], aside, sign)
-            value = value if axis == 0 else value.T
-        return value
 
-    def going(carry):
-        return carry[1]
+@_sweeps.def_vmap
+def _sweeps_batched(size, batched, moves, goal):
+    """With the lanes' axis last a row of many maps is one long vector: twice as fast as with it first."""
+    moves = jnp.moveaxis(moves, 0, -1) if batched[0] else jnp.broadcast_to(moves[..., None], (*moves.shape, size))
+    goal = goal if batched[1] else jnp.broadcast_to(goal, (size, 2))
+    return jnp.moveaxis(_sweeps_of_lanes(moves, goal), -1, 0), True
+
+
+def _sweeps_of_lanes(moves: Float[Array, "heading nx ny lane"], goal: Int[Array, "lane 2"]) -> Float[Array, "nx ny lane"]:
+    """`cost_to_go` of many maps."""
+    at = (*goal.T, jnp.arange(goal.shape[0]))
+    start = jnp.full(moves.shape[1:], jnp.inf, moves.dtype).at[at].set(0.0)
+    ways = [(axis, sign) for axis in (0, 1) for sign in (1, -1)]
+    along = [[h for h, step in enumerate(HEADINGS) if step[axis] == sign] for axis, sign in ways]
+    # the moves of each direction of travel with the swept axis first, once and for all: else every round gathers them anew
+    costs = [jnp.stack([jnp.swapaxes(moves[h], 0, axis) for h in hs], axis=1) for (axis, _), hs in zip(ways, along)]
+    costs = jax.lax.optimization_barrier(costs)
 
     def again(carry):
-        value = once(carry[0])
+        value = carry[0]
+        for (axis, sign), hs, cost in zip(ways, along, costs):
+            swept = _sweep(jnp.swapaxes(value, 0, axis), cost, [HEADINGS[h][1 - axis] for h in hs], sign)
+            value = jnp.swapaxes(swept, 0, axis)
         return value, jnp.any(value < carry[0])
 
-    return jax.lax.while_loop(going, again, (start, jnp.array(True)))[0]
+    return jax.lax.while_loop(lambda carry: carry[1], again, (start, jnp.array(True)))[0]
 
 
-def _sweep(value, moves, aside, sign):
+def _sweep(value, costs, aside, sign):
     """Row after row against the direction of travel: the least of what a row has and of moving on to the row before it."""
 
     def row(ahead, inputs):
-        here, cost = inputs
-        padded = jnp.pad(ahead, 1, constant_values=jnp.inf)
-        onward = [cost[k] + padded[1 + a : padded.shape[0] - 1 + a] for k, a in enumerate(aside)]
-        best = jnp.minimum(here, jnp.minimum(jnp.minimum(onward[0], onward[1]), onward[2]))
+        best, cost = inputs
+        border = jnp.full((1, ahead.shape[1]), jnp.inf, ahead.dtype)
+        padded = jnp.concatenate([border, ahead, border])
+        for k, a in enumerate(aside):
+            onward = cost[k] + padded[1 + a : 1 + a + ahead.shape[0]]
+            best = jnp.where(onward < best, onward, best)  # a minimum that looks out for NaN is slower
         return best, best
 
     nothing = jnp.full(value.shape[1:], jnp.inf, value.dtype)
-    return jax.lax.scan(row, nothing, (value, moves), reverse=sign > 0, unroll=4)[1]
+    # not unrolled: XLA would fuse rows and work out each again for every use
+    return jax.lax.scan(row, nothing, (value, costs), reverse=sign > 0)[1]
 
 
 def onward_costs(moves: Float[Array, "heading nx ny"], value: Float[Array, "nx ny"]) -> Float[Array, "heading nx ny"]:
@@ -167,7 +181,7 @@ def find_path(
     return BodyPath(cells, heading, length.astype(jnp.int32), total, status.astype(jnp.int32))
 
 
-# Gradients: dV(i)/dw is a flow from i along the best (or soft-best) moves to the goal, found by pushing it on until it is there.
+# Gradients: dV(i)/dw is a flow from i along the best (or soft-best) moves to the goal, pushed on until it is there.
 
 
 def _flow(policy: Float[Array, "heading nx ny"], source: Float[Array, "nx ny"]) -> Float[Array, "nx ny"]:
@@ -236,16 +250,17 @@ def _soft(moves, goal, temperature):
         change = jnp.max(jnp.where(reached, jnp.abs(new - value), 0.0))
         return new, change, rounds + 1
 
-    tolerance = 4.0 * jnp.finfo(exact.dtype).eps
+    def settled(value, change):
+        size = jnp.max(jnp.where(reached, jnp.abs(value), temperature))
+        return change <= 16.0 * jnp.finfo(exact.dtype).eps * size
 
     def going(carry):
-        size = jnp.max(jnp.where(reached, jnp.abs(carry[0]), 0.0))
-        return (carry[1] > tolerance * jnp.maximum(size, temperature)) & (carry[2] < 4 * exact.size)
+        value, change, rounds = carry
+        endless = jnp.any(value < -100.0 * temperature)  # e^100 times the weight of a free move: no convergent sum
+        return ~settled(value, change) & ~endless & (rounds < 4 * exact.size)
 
-    first = (exact, jnp.full((), jnp.inf, exact.dtype), 0)
-    value = jax.lax.while_loop(going, improve, first)[0]
-    sane = jnp.all(jnp.where(reached, value, 0.0) > -temperature * exact.size)
-    return jnp.where(sane, value, jnp.nan)
+    value, change, _ = jax.lax.while_loop(going, improve, (exact, jnp.full((), jnp.inf, exact.dtype), 0))
+    return jnp.where(settled(value, change), value, jnp.nan)
 
 
 def _soft_forward(moves, goal, temperature):
