@@ -73,6 +73,12 @@ class Geometry:
     knee_range_deg: tuple[float, float] = setting((-180.0, 180.0), min=-180.0, max=180.0)
     knees: str = setting("backward", choices=("backward", "forward"))
 
+    def __post_init__(self) -> None:
+        for key in ("hip_range_deg", "thigh_range_deg", "knee_range_deg"):
+            low, high = getattr(self, key)
+            if low >= high:
+                raise ValueError(f"{key} must go from the least angle to the greatest, not from {low:g} to {high:g}")
+
 
 @dataclasses.dataclass(frozen=True)
 class Masses:

@@ -61,6 +61,17 @@ def test_robot_is_a_pytree_of_all_its_fields(pegasus):
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(pegasus))
 
 
+def test_joint_ranges_are_wide_open_unless_given(pegasus):
+    assert_allclose(pegasus.joint_range, np.broadcast_to([-np.pi, np.pi], (4, 3, 2)))
+    given = load_robot(PEGASUS.with_name("dh_quadruped.toml")).joint_range
+    assert_allclose(given, np.broadcast_to(np.deg2rad([[-40, 60], [-100, 100], [-155, -5]]), (4, 3, 2)))
+
+
+def test_a_range_the_wrong_way_round_is_refused():
+    with pytest.raises(ValueError, match=r"knee_range_deg.*-5.*-155"):
+        dataclasses.replace(load(RobotFile, PEGASUS).geometry, knee_range_deg=(-5.0, -155.0))
+
+
 def test_a_bad_file_is_refused_with_its_key(tmp_path):
     path = tmp_path / "robot.toml"
     path.write_text(PEGASUS.read_text().replace("thigh = 0.26", "thigh = -0.26"))
