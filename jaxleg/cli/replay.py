@@ -10,7 +10,7 @@ from jaxleg.cli.options import nothing_left, take
 from jaxleg.cli.start import EXIT_INFEASIBLE, USAGE, configure_jax, quietly
 from jaxleg.conventions import InputError
 
-FRAME = 0.25  # between the pictures of a video [s]
+FRAME, SPEED = 0.5, 4.0  # between the pictures of a video [s], and how many times as fast it runs
 
 
 def replay(arguments: list[str]) -> int:
@@ -44,7 +44,7 @@ def replay(arguments: list[str]) -> int:
     if video:
         from jaxleg.viz.animation import animate
 
-        animate(Path(video[0]), file.terrain, frames, file.robot, FRAME)
+        animate(video[0], file.terrain, frames, file.robot, FRAME, speed=SPEED, goal=file.goal)
         print(f"written: {video[0]}")
     return EXIT_INFEASIBLE if result["fell"] else 0
 
