@@ -1,9 +1,9 @@
 """Collisions of legs and trunk with the ground. Paper C, 3.2 (C12).
 
 Legs are capsules round thigh and shank, the trunk is a box; the ground is the height map as columns, one a cell. Both are
-tested at points, each against the highest column within the distance that the points leave untested: `Obstacles` holds the
-map widened by that much. So a clearance is never greater than the true one but for the points' spacing along a capsule. The
-shank's lower end is left out: there it stands on the ground.
+tested at points, each against the highest column within the capsule's radius, or within the distance that the trunk's points
+leave untested. So a clearance is never greater than the true one but for the points' spacing along a capsule. The shank's
+lower end is left out: there it stands on the ground.
 """
 
 from typing import NamedTuple
@@ -26,21 +26,30 @@ TRUNK = (5, 3)  # points along and across the trunk's lower face
 
 
 class Obstacles(NamedTuple):
-    """The ground widened by a leg's radius, and by half the spacing of the trunk's points; no obstacle (-inf) where unseen."""
+    """The ground as columns, widened for a look at one point of a leg or trunk; no obstacle (-inf) where unseen."""
 
-    leg: HeightMap
-    trunk: HeightMap
+    leg: HeightMap  # by whole cells
+    rest: Float[Array, ""]  # what is left of a leg's radius beyond them [m]
+    trunk: HeightMap  # by what the trunk's points leave between them
 
 
 def obstacles(terrain: HeightMap, resolution: float, leg_radius: float, trunk_spacing: float) -> Obstacles:
     """Widen a map; lengths [m] and the map's `resolution` are static."""
+    seen = jnp.where(jnp.isfinite(terrain.elevation), terrain.elevation, -jnp.inf)
 
-    def widened(radius: float) -> HeightMap:
-        seen = jnp.where(jnp.isfinite(terrain.elevation), terrain.elevation, -jnp.inf)
-        high = over_disc(seen, -jnp.inf, jax.lax.max, columns_within(radius, resolution))
-        return HeightMap(high, terrain.origin, terrain.resolution)
+    def widened(window: Disc) -> HeightMap:
+        return HeightMap(over_disc(seen, -jnp.inf, jax.lax.max, window), terrain.origin, terrain.resolution)
 
-    return Obstacles(widened(leg_radius), widened(trunk_spacing / np.sqrt(2.0)))
+    cells = max(int(np.ceil(leg_radius / resolution - 0.5 - 1e-6)), 0)
+    square = tuple((i, j) for i in range(-cells, cells + 1) for j in range(-cells, cells + 1))
+    rest = jnp.asarray(max(leg_radius - cells * resolution, 0.0), seen.dtype)
+    return Obstacles(widened(square), rest, widened(columns_within(trunk_spacing / np.sqrt(2.0), resolution)))
+
+
+def highest_near(ground: Obstacles, xy: Float[Array, "2"]) -> Float[Array, ""]:
+    """Highest column [m] within a leg's radius of xy along x and y: the corners of that square, on the widened map."""
+    corners = xy + ground.rest * jnp.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]], xy.dtype)
+    return jnp.max(jax.vmap(nearest_height, in_axes=(None, 0))(ground.leg, corners))
 
 
 def columns_within(radius: float, resolution: float) -> Disc:
@@ -71,7 +80,8 @@ def leg_clearance(
 ) -> Float[Array, "leg"]:
     """Least height [m] of each leg's capsules over the ground; negative: they touch it."""
     points = leg_points(robot, pose, angles)
-    return jnp.min(points[..., 2] - robot.leg_radius - _heights(ground.leg, points), axis=1)
+    under = jax.vmap(jax.vmap(highest_near, in_axes=(None, 0)), in_axes=(None, 0))(ground, points[..., :2])
+    return jnp.min(points[..., 2] - robot.leg_radius - under, axis=1)
 
 
 def trunk_clearance(robot: Robot, ground: Obstacles, pose: Float[Array, "6"]) -> Float[Array, ""]:
@@ -79,11 +89,4 @@ def trunk_clearance(robot: Robot, ground: Obstacles, pose: Float[Array, "6"]) ->
     x, y = (np.linspace(-0.5, 0.5, count) for count in TRUNK)
     face = np.stack([*np.meshgrid(x, y, indexing="ij"), np.full(TRUNK, -0.5)], axis=-1).reshape(-1, 3)
     points = pose[:3] + matvec(trunk_rotation(pose[3:]), jnp.asarray(face, pose.dtype) * robot.trunk_size)
-    return jnp.min(points[:, 2] - _heights(ground.trunk, points))
-
-
-def _heights(terrain: HeightMap, points):
-    sample = nearest_height
-    for _ in points.shape[:-1]:
-        sample = jax.vmap(sample, in_axes=(None, 0))
-    return sample(terrain, points[..., :2])
+    return jnp.min(points[:, 2] - jax.vmap(nearest_height, in_axes=(None, 0))(ground.trunk, points[:, :2]))

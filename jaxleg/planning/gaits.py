@@ -18,7 +18,7 @@ from jaxleg.dynamics import Motion, all_leg_frames, torques_on_ground
 from jaxleg.energy import motor_power
 from jaxleg.gait import stability_margin
 from jaxleg.kinematics import Reach, knee_bend
-from jaxleg.planning.collision import Obstacles, leg_clearance, trunk_clearance
+from jaxleg.planning.collision import Obstacles, highest_near, leg_clearance, trunk_clearance
 from jaxleg.planning.crawl import on_ground
 from jaxleg.planning.pose import STEP_LEGS, PosePlan, com_position, stand_pose, swing_pose
 from jaxleg.planning.posture import joint_angles, trunk_rotation
@@ -28,7 +28,7 @@ from jaxleg.planning.stations import Stations
 from jaxleg.planning.tree import Nodes, Series, Tried, search
 from jaxleg.robot import Robot
 from jaxleg.swing.cycloid import cycloid_advance, cycloid_lift
-from jaxleg.terrain.heightmap import HeightMap, nearest_height
+from jaxleg.terrain.heightmap import HeightMap
 
 SHIFT_SHARES = (0.2, 0.4, 0.6, 0.8)  # Table 2: five equal parts of the shift, the last of them the swing's start
 BOX = ((0.0, 0.0), (0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.0))  # Table 1: (part of the way, part of the height)
@@ -120,11 +120,11 @@ def _rectangle(plan: GaitPlan):
 
 
 def swing_apex(plan: GaitPlan, ground: Obstacles, start: Float[Array, "3"], end: Float[Array, "3"]) -> Float[Array, ""]:
-    """Apex [m] of a swing over its higher end: the least one, raised until the foot clears the widened ground all the way."""
+    """Apex [m] of a swing over its higher end: the least one, raised until the foot clears the ground near all of its way."""
     shares = jnp.asarray(SWING_SHARES, start.dtype)
     along = cycloid_advance(jnp.clip((shares - plan.lift_share) / (1.0 - 2.0 * plan.lift_share), 0.0, 1.0))
     path = start[:2] + (end - start)[:2] * along[:, None]
-    high = jax.vmap(nearest_height, in_axes=(None, 0))(ground.leg, path)
+    high = jax.vmap(highest_near, in_axes=(None, 0))(ground, path)
     base, lift = jnp.where(shares < 0.5, start[2], end[2]), cycloid_lift(shares)
     top = base + (high + plan.clearance * lift - base) / lift
     return jnp.maximum(jnp.max(top) - jnp.maximum(start[2], end[2]), plan.swing_height)
@@ -240,22 +240,22 @@ def _order(robot: Robot, plan: GaitPlan, state: State, leg, seen: Footing) -> In
 def first_state(robot: Robot, plan: GaitPlan, scene: Scene, stations: Stations) -> tuple[State, Bool[Array, ""]]:
     """The stance that the walk begins in, each foot on its best cell, and whether all four have one.
 
-    The right feet stand at the first station, the left ones at the second: they swing last. There is no step before it whose
-    reach would bind, so the rectangles are half as large again.
+    The right feet stand at the first station, the left ones at the second: they swing last. A foot without a valid cell in
+    its rectangle looks in one half as large again: no step before it binds its reach.
     """
-    cells = -(-3 * plan.cells // 2)
-    plan = dataclasses.replace(plan, search_length=1.5 * plan.search_length, search_width=1.5 * plan.search_width, cells=cells)
-    legs = jnp.arange(4)
-    station = jnp.where(legs % 2 == 0, 1, 0)
+    wide = dataclasses.replace(
+        plan, search_length=1.5 * plan.search_length, search_width=1.5 * plan.search_width, cells=-(-3 * plan.cells // 2)
+    )
 
     def choose(leg, station):
-        default = default_foothold(plan, stations, station, leg)
-        return footing(robot, plan, scene, default, stations.yaw[station], leg)
+        default, yaw = default_foothold(plan, stations, station, leg), stations.yaw[station]
+        near, far = (footing(robot, p, scene, default, yaw, leg) for p in (plan, wide))
+        return jnp.where(near.exists[0], near.foot[0], far.foot[0]), near.exists[0] | far.exists[0]
 
-    seen = jax.vmap(choose)(legs, station)
-    feet = seen.foot[:, 0]
+    legs = jnp.arange(4)
+    feet, found = jax.vmap(choose)(legs, jnp.where(legs % 2 == 0, 1, 0))
     level = jnp.stack([plan.adjustments.height, *jnp.zeros(2, feet.dtype)])
-    return State(feet, stand_pose(robot, plan.pose, feet, level, stations.yaw[0])), jnp.all(seen.exists[:, 0])
+    return State(feet, stand_pose(robot, plan.pose, feet, level, stations.yaw[0])), jnp.all(found)
 
 
 def gait_series(
