@@ -17,7 +17,7 @@ from jaxleg.kinematics import foot_jacobian, rotation_from_quaternion
 from jaxleg.numerics import matmul
 from jaxleg.plan import Reference
 from jaxleg.robot import Robot
-from jaxleg.sim.follow import Posture, command, held_feet
+from jaxleg.sim.follow import Posture, between, command, held_feet
 from jaxleg.sim.referee import LOADED, SETTLE, STEP, build_model, start_state
 from jaxleg.terrain.heightmap import HeightMap
 
@@ -46,51 +46,58 @@ def follow_all(
     Fall: as `referee`. A frame every `frame` [s].
     """
     models = [build_model(robot, terrain, friction) for terrain in terrains]
-    tracks = [jax.tree.map(lambda x: np.asarray(x, np.float64), r) for r in references]
+    tracks = [jax.tree.map(np.asarray, reference) for reference in references]
     state = np.stack([start_state(model, track) for model, track in zip(models, tracks)])
-    ends = np.array([track.time[-1] for track in tracks])
+    ends, period = np.array([float(track.time[-1]) for track in tracks]), STEPS * STEP
+    settle, walk = round(SETTLE / period), int(np.ceil(ends.max() / period))
+    rows = _rows(tracks, period * np.arange(walk + 2))
     meter = _Meter(robot, len(tracks), np.array([t.trunk_pos[0, 2] - t.foot_pos[0, :, 2].mean() for t in tracks]))
-    held = feet = np.stack([track.foot_pos[0] for track in tracks])
-    period, shots = STEPS * STEP, []
+    control, held = _controller(robot, period), np.stack([track.foot_pos[0] for track in tracks])
+    feet, shots, every = held, [], max(round(frame / period), 1)
     with rollout.Rollout(nthread=2) as runner:
         workers = [mujoco.MjData(models[0]) for _ in range(2)]
-        for time in np.arange(-SETTLE, ends.max(), period):
-            if time >= len(shots) * frame:
+        for tick in range(-settle, walk):
+            if tick >= 0 and tick % every == 0:
                 shots.append(state[:, 1:20].copy())
-            rows = [_samples(track, max(time, 0.0)) for track in tracks]
-            low, high = (jax.tree.map(lambda *x: np.stack(x), *side) for side in zip(*rows))
-            now = (max(time, 0.0), period * (time >= 0.0))
-            control, held = (np.asarray(x) for x in _control(robot, low, high, *now, state[:, 1:20], held, feet))
-            steady = np.repeat(control[:, None], STEPS, axis=1)
+            now, later = (jax.tree.map(lambda x, at=max(tick, 0) + k: x[:, at], rows) for k in (0, 1))
+            wanted, held = (np.asarray(x) for x in control(now, now if tick < 0 else later, state[:, 1:20], held, feet))
+            steady = np.repeat(wanted[:, None], STEPS, axis=1)
             states, sensors = runner.rollout(models, workers, np.nan_to_num(state), steady)
-            meter.add(state, states, sensors, control, (time >= 0.0) & (time < ends))
+            meter.add(state, states, sensors, wanted, (tick >= 0) & (period * tick < ends))
             state, feet = states[:, -1], sensors[:, -1, :12].reshape(-1, 4, 3)
     return meter.judged(ends, np.stack(shots, axis=1))
 
 
-def _samples(track: Reference, time: float) -> tuple[Reference, Reference]:
-    """The samples before and after a time [s]."""
-    index = int(np.clip(np.searchsorted(track.time, time, side="right") - 1, 0, len(track.time) - 2))
-    low, high = (Reference(*(x[index + k] for x in track)) for k in (0, 1))
-    return low, high
+def _rows(tracks: list[Reference], times: np.ndarray) -> Reference:
+    """The references at times [s], leading axes lane and time; each stands after its end."""
+
+    def lane(track: Reference) -> Reference:
+        index = np.clip(np.searchsorted(track.time, times, side="right") - 1, 0, len(track.time) - 2)
+        low, high = (Reference(*(x[index + k] for x in track)) for k in (0, 1))
+        rows = jax.jit(jax.vmap(between))(low, high, times.astype(track.time.dtype))
+        ended = (times >= track.time[-1])[:, None, None]
+        return rows._replace(joint_vel=np.where(ended, 0.0, rows.joint_vel))
+
+    return jax.tree.map(lambda *x: np.stack([np.asarray(y) for y in x]), *map(lane, tracks))
 
 
-@jax.jit
-def _control(robot: Robot, low: Reference, high: Reference, time, period, q, held, feet):
-    """Control of each lane, kp (corrected angles) + kd velocity + torque as the actuators of `build_model` take it, and where
-    its feet are held."""
+def _controller(robot: Robot, period: float):
+    """The function from two rows a control period apart (the same row: hold it), q, held and actual feet, all by lane, to the
+    control kp (corrected angles) + kd velocity + torque, as the actuators of `build_model` take it, and the held feet."""
 
-    def lane(low, high, q, held, feet):
-        held = held_feet(held, feet, low.contact, period)
-        angles = q[7:].reshape(4, 3)
-        jacobian = jax.vmap(foot_jacobian)(all_leg_frames(robot, angles))
-        now = Posture(q[:3], q[3:7], held, matmul(rotation_from_quaternion(q[3:7]), jacobian))
-        wanted = command(low, high, time, period, now)
-        velocity = jnp.where(period > 0.0, wanted.velocity, 0.0)
-        control = robot.stiffness * wanted.position + robot.velocity_gain * velocity + wanted.torque
-        return control.reshape(-1), held
+    @jax.jit
+    @jax.vmap
+    def control(now: Reference, later: Reference, q, held, feet):
+        dt = jnp.asarray(period, q.dtype)
+        held = held_feet(held, feet, now.contact, dt)
+        jacobian = jax.vmap(foot_jacobian)(all_leg_frames(robot, q[7:].reshape(4, 3)))
+        posture = Posture(q[:3], q[3:7], held, matmul(rotation_from_quaternion(q[3:7]), jacobian))
+        wanted = command(now, later, now.time, later.time - now.time, posture)
+        velocity = jnp.where(later.time > now.time, wanted.velocity, 0.0)
+        action = robot.stiffness * wanted.position + robot.velocity_gain * velocity + wanted.torque
+        return action.reshape(-1), held
 
-    return jax.vmap(lane)(low, high, q, held, feet)
+    return control
 
 
 class _Meter:
