@@ -59,7 +59,7 @@ def follow_all(
         for tick in range(-settle, walk):
             if tick >= 0 and tick % every == 0:
                 shots.append(state[:, 1:20].copy())
-            now, later = (jax.tree.map(lambda x, at=max(tick, 0) + k: x[:, at], rows) for k in (0, 1))
+            now, later = (_at(rows, max(tick, 0) + k) for k in (0, 1))
             wanted, held = (np.asarray(x) for x in control(now, now if tick < 0 else later, state[:, 1:20], held, feet))
             steady = np.repeat(wanted[:, None], STEPS, axis=1)
             states, sensors = runner.rollout(models, workers, np.nan_to_num(state), steady)
@@ -79,6 +79,10 @@ def _rows(tracks: list[Reference], times: np.ndarray) -> Reference:
         return rows._replace(joint_vel=np.where(ended, 0.0, rows.joint_vel))
 
     return jax.tree.map(lambda *x: np.stack([np.asarray(y) for y in x]), *map(lane, tracks))
+
+
+def _at(rows: Reference, index: int) -> Reference:
+    return jax.tree.map(lambda x: x[:, index], rows)
 
 
 def _controller(robot: Robot, period: float):
