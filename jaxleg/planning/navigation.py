@@ -28,10 +28,9 @@ from jaxleg.planning.stations import Route, Stations, Stride, smooth_route, stat
 from jaxleg.planning.tree import SearchStatus
 from jaxleg.planning.walking import Timing, phase_legs, walk_phases
 from jaxleg.robot import Robot
-from jaxleg.terrain.body_cost import body_cost, body_features
-from jaxleg.terrain.cost_map import CostMap, CostWeights, combined, cost_weights
+from jaxleg.terrain.cost_map import CostMap, Windows, cost_weights, total_cost
 from jaxleg.terrain.features import FeatureSettings, traversability
-from jaxleg.terrain.foothold_cost import FeetSettings, feet_cost, foothold_cost, least_footing
+from jaxleg.terrain.foothold_cost import foothold_cost, least_footing
 from jaxleg.terrain.foothold_features import foothold_features
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.validity import steepest_side, valid_cells
@@ -89,7 +88,7 @@ class Navigator:
     gait: GaitPlan
     stride: Stride
     timing: Timing
-    feet: FeetSettings
+    windows: Windows  # of the cost map, the feet where the gait puts them
     resolution: float
 
     def survey(self, terrain: HeightMap) -> Survey:
@@ -97,22 +96,15 @@ class Navigator:
 
         Beyond the paper a path needs valid cells round every default foothold (`footing.least_share`).
         """
-        windows, weights, resolution = self.settings.cost.windows, self.weights, self.resolution
-        body = body_cost(body_features(terrain, resolution, windows.body), weights.body, windows.combine)
-        features = foothold_features(terrain, resolution, windows.foothold)
-        feet = feet_cost(features, resolution, self.feet, weights.feet)
+        weights, resolution = cost_weights(self.settings.cost), self.resolution
+        features = foothold_features(terrain, resolution, self.windows.foothold)
+        cost = total_cost(terrain, features, resolution, self.windows, weights)
         angles = 0.25 * jnp.pi * jnp.arange(len(HEADINGS))
         each = jax.vmap(jax.vmap(foothold_cost, in_axes=(None, None, None, 0)), in_axes=(None, None, 0, None))
-        cost = each(features, weights.feet, jnp.arange(len(LEGS)), angles)
-        scene = Scene(terrain, self.valid(terrain), cost, self.obstacles(terrain))
-        footing = least_footing(scene.valid, resolution, self.feet) >= self.settings.footing.least_share
-        total = jnp.where(footing, combined(body, feet, weights.body_share), jnp.inf)
-        return Survey(scene, CostMap(total, body, feet))
-
-    @property
-    def weights(self) -> CostWeights:
-        """Weights of the cost map."""
-        return cost_weights(self.settings.cost)
+        foot = each(features, weights.feet, jnp.arange(len(LEGS)), angles)
+        scene = Scene(terrain, self.valid(terrain), foot, self.obstacles(terrain))
+        footing = least_footing(scene.valid, resolution, self.windows.feet) >= self.settings.footing.least_share
+        return Survey(scene, cost._replace(total=jnp.where(footing, cost.total, jnp.inf)))
 
     def valid(self, terrain: HeightMap) -> Bool[Array, "nx ny"]:
         """Where a foot may be placed."""
@@ -227,4 +219,5 @@ def make_navigator(
     x, y = 0.5 * float(gait.stance_length), 0.5 * float(gait.stance_width)
     stance = ((x, y), (x, -y), (-x, y), (-x, -y))
     feet = dataclasses.replace(settings.cost.windows.feet, stance=stance)
-    return Navigator(robot, settings, plan, stride, timing, feet, resolution)
+    windows = dataclasses.replace(settings.cost.windows, feet=feet)
+    return Navigator(robot, settings, plan, stride, timing, windows, resolution)

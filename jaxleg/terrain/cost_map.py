@@ -16,7 +16,7 @@ from jaxleg.conventions import InputError
 from jaxleg.settings import setting
 from jaxleg.terrain.body_cost import BodySettings, BodyWeights, body_cost, body_features
 from jaxleg.terrain.foothold_cost import FeetSettings, FootWeights, LegWeights, feet_cost
-from jaxleg.terrain.foothold_features import FootholdSettings, foothold_features
+from jaxleg.terrain.foothold_features import FootholdFeatures, FootholdSettings
 from jaxleg.terrain.heightmap import HeightMap
 
 ROUNDING = 1e-3  # of a sum that must be 1, as it may be written in a file; the sum is then made 1
@@ -89,6 +89,7 @@ def cost_weights(settings: CostSettings) -> CostWeights:
 
 def total_cost(
     terrain: HeightMap,
+    footholds: FootholdFeatures,
     resolution: float,
     windows: Windows,
     weights: CostWeights,
@@ -96,11 +97,11 @@ def total_cost(
 ) -> CostMap:
     """Cost of the body's centre on each cell for each heading of travel: lambda_body c_body + lambda_feet c_feet.
 
-    Infinite, whatever the shares, where the body cannot be or a foot has seen no ground. `resolution` is the map's
+    Infinite, whatever the shares, where the body cannot be or a foot has seen no ground. `footholds` are the map's
+    `foothold_features`, at the radii of `windows.foothold`. `resolution` is the map's
     [m per cell], static as `windows` are; `softness` that of `body_features`, exact without.
     """
     body = body_cost(body_features(terrain, resolution, windows.body, softness), weights.body, windows.combine)
-    footholds = foothold_features(terrain, resolution, windows.foothold)
     feet = feet_cost(footholds, resolution, windows.feet, weights.feet)
     return CostMap(combined(body, feet, weights.body_share), body, feet)
 

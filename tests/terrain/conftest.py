@@ -27,6 +27,7 @@ def costs(windows):
     @jax.jit
     def compute(elevation, weights):
         terrain = HeightMap(elevation, jnp.zeros(2, elevation.dtype), jnp.array(SIZE, elevation.dtype))
-        return foothold_features(terrain, SIZE, windows.foothold), total_cost(terrain, SIZE, windows, weights)
+        footholds = foothold_features(terrain, SIZE, windows.foothold)
+        return footholds, total_cost(terrain, footholds, SIZE, windows, weights)
 
     return compute
