@@ -13,6 +13,8 @@ from jaxleg.planning.crawl import crawl
 from jaxleg.planning.proxy import evaluate
 from tests.planning.conftest import GRID, TERRAINS, gait, settings
 
+pytestmark = pytest.mark.slow  # the proxy's gradient is long to compile
+
 NAMES = [field.name for field in dataclasses.fields(gait())]
 
 

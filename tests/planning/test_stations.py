@@ -58,8 +58,8 @@ def test_a_path_that_crosses_west_does_not_jump_by_a_full_turn():
 
 
 def test_a_path_of_one_cell_has_arrived():
-    points = jnp.zeros((10, 2)) + 0.3
-    found = along(smooth_route(points, jnp.array(1), jnp.array(0.02), jnp.array(0.5), 400), jnp.array(0.4))
+    points = 0.3 + 0.0 * corner(0.0)[0]
+    found = along(make(points, jnp.array(1), jnp.array(0.5)), jnp.array(0.4))
     assert found.count == 0
     assert np.all(np.isfinite(found.xy))
     assert np.all(np.isfinite(found.yaw))
