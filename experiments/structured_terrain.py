@@ -8,20 +8,26 @@ and 4, and how often the three pruning rules discard a solution that is there.
 """
 
 import dataclasses
+import functools
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import tyro
+from jaxtyping import Array, Bool, Int
 
 from experiments.common import setup, write
 from experiments.walk_maps import GAIT
-from jaxleg.planning.gaits import Scene
-from jaxleg.planning.navigation import NavigationStatus, Navigator, Walked
+from jaxleg.planning.collision import Obstacles
+from jaxleg.planning.gaits import GaitPlan, Scene, State, first_state, gait_nodes
+from jaxleg.planning.navigation import Navigator
 from jaxleg.planning.path import BodyPath, PathStatus
-from jaxleg.search.batches import over_lanes
+from jaxleg.planning.stations import stations
+from jaxleg.planning.tree import SearchStatus, advance, begin
+from jaxleg.queue import over_queue
+from jaxleg.search.batches import over_lanes, shared_out
 from jaxleg.search.navigate import CHUNK, navigator_of
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
 from jaxleg.viz.navigation import Look, draw_dead_end
@@ -30,6 +36,7 @@ GRID = Grid(70, 36, 0.04, (0.02, 0.02))
 START, CELLS = (16, 18), 36  # of a straight path along x: 1.4 m
 TERRAINS, DIFFICULTY = 1000, (0.6, 1.0)
 DEPTHS = (1, 2, 4)
+STEPS, BUDGET = 64, 3000  # most steps of a walk, most candidates tried
 
 
 def main(out: Path | None = None, quick: bool = False) -> None:
@@ -37,16 +44,16 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     study, lab = setup()
     count = 32 if quick else TERRAINS
     base = navigator_of(study, lab.robot, GAIT, GRID.resolution)
-    scenes = over_lanes(lambda ground: scene(base, ground), CHUNK)(maps(count))
-    series = {f"depth {depth}": searched(base, scenes, depth) for depth in DEPTHS}
-    series["depth 4, nothing pruned"] = searched(base, scenes, 4, prune=False)
-    rows = {name: row(walked) for name, walked in series.items()}
+    grounds = over_lanes(functools.partial(ground, base), CHUNK)(maps(count))
+    series = {f"depth {depth}": searched(base, grounds, depth) for depth in DEPTHS}
+    series["depth 4, nothing pruned"] = searched(base, grounds, 4, prune=False)
+    rows = {name: row(found) for name, found in series.items()}
     for name, r in rows.items():
         print(f"{name:26s}{r}")
     pruning = lost(series["depth 4"], series["depth 4, nothing pruned"])
     print(f"pruning: {pruning}")
     folder = out or Path("runs/structured_terrain")
-    shown = picture(scenes, series["depth 1"], series["depth 4"], folder / "dead_end.png")
+    shown = picture(grounds, series["depth 1"], series["depth 4"], folder / "dead_end.png")
     write("structured_terrain", out, {"terrains": count, "rows": rows, "pruning": pruning, "shown": shown})
 
 
@@ -62,40 +69,84 @@ def maps(count: int) -> HeightMap:
     return jax.tree.map(np.asarray, made)
 
 
-def scene(navigator: Navigator, ground: HeightMap) -> Scene:
-    """The ground without costs: footholds are ordered by distance alone."""
-    none = jnp.zeros((4, 8, *ground.elevation.shape), ground.elevation.dtype)
-    return Scene(ground, navigator.valid(ground), none, navigator.obstacles(ground))
+class Ground(NamedTuple):
+    """A `Scene` without costs: footholds are ordered by distance alone."""
+
+    terrain: HeightMap
+    valid: Bool[Array, "nx ny"]
+    obstacles: Obstacles
+
+    def scene(self) -> Scene:
+        """With no cost anywhere."""
+        return Scene(self.terrain, self.valid, jnp.zeros((4, 8, *self.valid.shape), self.terrain.origin.dtype), self.obstacles)
 
 
-def searched(base: Navigator, scenes: Scene, depth: int, prune: bool = True) -> Walked:
+class Outcome(NamedTuple):
+    """How a series of gaits ended: `SearchStatus`, whether the first stance stood, states, steps, candidates tried."""
+
+    status: Int[Array, ""]
+    stood: Bool[Array, ""]
+    states: State
+    count: Int[Array, ""]
+    visited: Int[Array, ""]
+
+
+def ground(navigator: Navigator, height: HeightMap) -> Ground:
+    """What the search looks at."""
+    return Ground(height, navigator.valid(height), navigator.obstacles(height))
+
+
+def searched(base: Navigator, grounds: Ground, depth: int, prune: bool = True) -> Outcome:
     """The series of gaits along the straight line on all terrains."""
-    tree = dataclasses.replace(base.settings.tree, depth=depth, budget=20000)
-    path = dataclasses.replace(base.settings.path, cells=CELLS, steps=64)
     one = jnp.ones_like(base.gait.cost_weight)
-    gait = dataclasses.replace(base.gait, prune=prune, cost_weight=0.0 * one, distance_weight=one)
-    navigator = dataclasses.replace(base, gait=gait, settings=dataclasses.replace(base.settings, tree=tree, path=path))
-    return over_lanes(lambda s: navigator.along(s, straight(s.terrain)), CHUNK)(scenes)
+    plan = dataclasses.replace(base.gait, prune=prune, cost_weight=0.0 * one, distance_weight=one)
+    path = dataclasses.replace(base.settings.path, cells=CELLS)
+    navigator = dataclasses.replace(base, settings=dataclasses.replace(base.settings, path=path))
+    share = -(-len(grounds.valid) // jax.local_device_count())
+    return shared_out(functools.partial(_searched, navigator, plan, depth), share)(grounds)
 
 
-def straight(ground: HeightMap) -> BodyPath:
+def _searched(navigator: Navigator, plan: GaitPlan, depth: int, grounds: Ground) -> Outcome:
+    """All terrains of a device through a queue: one that is thrashed through to the end does not keep the others waiting."""
+
+    def prepare(ground: Ground):
+        route = navigator.route(ground.terrain, straight(ground.terrain))
+        seen = stations(route, navigator.stride, route.direction[0], STEPS // 2 + 3)
+        return seen, *first_state(navigator.robot, plan, ground.scene(), seen)
+
+    def nodes(item):
+        return gait_nodes(navigator.robot, plan, item[0].scene(), item[1])
+
+    def start(item):
+        series = begin(nodes(item), item[2], STEPS, depth)
+        return series._replace(status=jnp.where(item[3], series.status, SearchStatus.DEAD_END).astype(jnp.int32))
+
+    def go(item, series):
+        return advance(nodes(item), series, jnp.minimum(2 * item[1].count, STEPS), jnp.array(BUDGET, jnp.int32))
+
+    seen, root, stood = jax.vmap(prepare)(grounds)
+    done = over_queue(start, go, lambda s: s.status == SearchStatus.RUNNING, (grounds, seen, root, stood), 16)
+    return Outcome(done.status, stood, done.states, done.step, done.visited)
+
+
+def straight(height: HeightMap) -> BodyPath:
     """A path along x."""
     cells = jnp.stack([START[0] + jnp.arange(CELLS), jnp.full(CELLS, START[1])], axis=1)
-    zero = jnp.zeros((), ground.elevation.dtype)
+    zero = jnp.zeros((), height.elevation.dtype)
     return BodyPath(cells, jnp.zeros(CELLS, jnp.int32), jnp.array(CELLS), zero, jnp.array(int(PathStatus.OK), jnp.int32))
 
 
-def row(walked: Walked) -> dict[str, Any]:
-    """Outcomes by status, and candidates tried."""
-    stood = walked.status != NavigationStatus.NO_STANCE
-    counts = {s.name.lower(): int((walked.status == s).sum()) for s in NavigationStatus if (walked.status == s).any()}
-    share = float((walked.status[stood] == NavigationStatus.OK).mean())
-    return counts | {"reached_share": share, "tried_mean": float(walked.visited[stood].mean())}
+def row(found: Outcome) -> dict[str, Any]:
+    """Outcomes by status among the terrains that have a first stance, and candidates tried."""
+    status = found.status[found.stood]
+    counts = {s.name.lower(): int((status == s).sum()) for s in SearchStatus if (status == s).any()}
+    share = float((status == SearchStatus.FOUND).mean())
+    return {"stood": len(status), **counts, "reached_share": share, "tried_mean": float(found.visited[found.stood].mean())}
 
 
-def lost(pruned: Walked, full: Walked) -> dict[str, Any]:
+def lost(pruned: Outcome, full: Outcome) -> dict[str, Any]:
     """Terrains that only the unpruned search crosses, the other way round, and the candidates that pruning spares."""
-    ok = [w.status == NavigationStatus.OK for w in (pruned, full)]
+    ok = [w.stood & (w.status == SearchStatus.FOUND) for w in (pruned, full)]
     both = ok[0] & ok[1]
     same = np.array([np.allclose(a, b) for a, b in zip(pruned.states.feet[both], full.states.feet[both])])
     return {
@@ -107,18 +158,17 @@ def lost(pruned: Walked, full: Walked) -> dict[str, Any]:
     }
 
 
-def picture(scenes: Scene, short: Walked, long: Walked, path: Path) -> int | None:
-    """Draw the first terrain where depth 1 gets stuck after some steps and depth 4 goes on."""
-    stuck = (short.status == NavigationStatus.DEAD_END) & (long.status == NavigationStatus.OK) & (short.count >= 4)
+def picture(grounds: Ground, short: Outcome, long: Outcome, path: Path) -> int | None:
+    """Draw the terrain where depth 1 gets stuck after most steps and depth 4 goes on."""
+    stuck = short.stood & (short.status == SearchStatus.DEAD_END) & (long.status == SearchStatus.FOUND)
     if not stuck.any():
         return None
-    i = int(np.flatnonzero(stuck)[0])
+    i = int(np.argmax(np.where(stuck, short.count, -1)))
     looks = [
         Look(ahead, jax.tree.map(lambda x, w=w: np.asarray(x[i])[: int(w.count[i]) + 1], w.states), ahead == 1)
         for ahead, w in ((1, short), (4, long))
     ]
-    ground = jax.tree.map(lambda x: x[i], scenes.terrain)
-    draw_dead_end(ground, scenes.valid[i], *looks, path)
+    draw_dead_end(jax.tree.map(lambda x: x[i], grounds.terrain), grounds.valid[i], *looks, path)
     return i
 
 
