@@ -8,6 +8,7 @@ import numpy as np
 from jaxleg.cli.options import needed, numbers, take
 from jaxleg.cli.start import EXIT_INFEASIBLE, USAGE, configure_jax, quietly
 from jaxleg.conventions import InputError
+from jaxleg.robot import RobotFile, build_robot
 
 NAMES = {  # statuses of a planned walk, in words
     "NO_PATH": "no path leads from start to goal over ground that the body and the feet can cross",
@@ -33,17 +34,17 @@ def plan(arguments: list[str]) -> int:
     out, figure, name = (take(rest, option) for option in ("out", "figure", "gait"))
     if not 0.0 <= difficulty <= 1.0:
         raise InputError(f"command line: --difficulty is {difficulty:g}, but must be from 0 to 1")
-    study, robot, robot_name = read_config(rest)
-    configure_jax()
+    study, file = read_config(rest)
+    configure_jax()  # before any array is made, the robot's included
+    robot = build_robot(file)
     kind = gait_kind(study, name[0] if name else None, source)
     terrain = find_terrain(study, source, difficulty)
     check(terrain, robot, study.kinds[kind].gait, ends)
-    return make(study, robot, robot_name, kind, terrain, ends, Path(out[0] if out else "runs/plan.npz"), figure)
+    return make(study, robot, file.name, kind, terrain, ends, Path(out[0] if out else "runs/plan.npz"), figure)
 
 
-def read_config(rest: list[str]) -> tuple[Any, Any, str]:
-    """The study of CONFIG with its overrides, its robot and the robot's name."""
-    from jaxleg.robot import RobotFile, build_robot
+def read_config(rest: list[str]) -> tuple[Any, RobotFile]:
+    """The study of CONFIG with its overrides, and its robot's file."""
     from jaxleg.search.config import Study, robot_path
     from jaxleg.settings import from_command_line, load
 
@@ -51,8 +52,7 @@ def read_config(rest: list[str]) -> tuple[Any, Any, str]:
         raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
     source = rest.pop(0)
     study = from_command_line(Study, load(Study, source), rest, prog="jaxleg plan CONFIG")
-    file = load(RobotFile, robot_path(study, source))
-    return study, build_robot(file), file.name
+    return study, load(RobotFile, robot_path(study, source))
 
 
 def gait_kind(study: Any, name: str | None, terrain: str) -> str:

@@ -43,11 +43,11 @@ class TreeSettings:
     roll_step_deg: float = setting(6.0, above=0.0, max=45.0, unit="deg", help="between candidate rolls")
     search_length: float = setting(0.28, above=0.0, max=2.0, unit="m", help="of the rectangle round a default foothold")
     search_width: float = setting(0.20, above=0.0, max=2.0, unit="m", help="across the heading")
-    order: Order = setting("paper", help="of the candidates: paper C's, or by foothold cost plus power of holding the pose")
+    order: Order = setting("paper", help="of the candidates: paper C's, or by foothold cost plus energy of the step")
     cost_weight: float = setting(1.0, min=0.0, max=100.0, help="of a foothold's cost in the order of footholds")
     distance_weight: float = setting(0.3, min=0.0, max=100.0, help="of its distance to the default one")
-    energy_weight: float = setting(1.0, min=0.0, max=100.0, help="of the holding power over `power` (order = energy)")
-    power: float = setting(50.0, above=0.0, unit="W", help="holding power that counts as much as the dearest foothold")
+    energy_weight: float = setting(1.0, min=0.0, max=100.0, help="of a step's energy over `energy` (order = energy)")
+    energy: float = setting(50.0, above=0.0, unit="J", help="of a step, that counts as much as the dearest foothold")
     prune: bool = setting(True, help="the paper's three rules")
 
 

@@ -20,7 +20,7 @@ from jaxleg.gait import stability_margin
 from jaxleg.kinematics import Reach, knee_bend
 from jaxleg.planning.collision import Obstacles, highest_near, leg_clearance, trunk_clearance
 from jaxleg.planning.crawl import on_ground
-from jaxleg.planning.pose import STEP_LEGS, PosePlan, com_position, stand_pose, swing_pose
+from jaxleg.planning.pose import STEP_LEGS, PosePlan, com_position, shift_time, stand_pose, swing_pose
 from jaxleg.planning.posture import joint_angles, trunk_rotation
 from jaxleg.planning.rectangle import cells_around, to_heading
 from jaxleg.planning.states import Adjustments, Cause, Counts, adjustment, place_of, pruned
@@ -65,8 +65,10 @@ class GaitPlan:
     search_width: Float[Array, "*batch"]
     cost_weight: Float[Array, "*batch"]  # footholds are ordered by this times their cost ...
     distance_weight: Float[Array, "*batch"]  # ... plus this times the distance to the default one over half the diagonal
-    energy_weight: Float[Array, "*batch"]  # the order "energy" adds this times the power of holding the pose ...
-    power: Float[Array, "*batch"]  # ... over this much [W]
+    energy_weight: Float[Array, "*batch"]  # the order "energy" adds this times the energy of a step in the pose ...
+    energy: Float[Array, "*batch"]  # ... over this much [J]
+    acceleration: Float[Array, "*batch"]  # most of the trunk in a shift [m/s^2]
+    swing_time: Float[Array, "*batch"]  # about what a swing takes [s]
     least_bend: Float[Array, "*batch"]  # of every knee [rad]
     least_margin: Float[Array, "*batch"]  # stability margin [m]
     clearance: Float[Array, "*batch"]  # of a swinging foot over the ground [m]
@@ -218,9 +220,10 @@ def gait_nodes(robot: Robot, plan: GaitPlan, scene: Scene, stations: Stations) -
 
 
 def _order(robot: Robot, plan: GaitPlan, state: State, leg, seen: Footing) -> Int[Array, "candidate"]:
-    """Candidates in the order of trial: paper C's (28), or by cost of the foothold plus power of holding the pose.
+    """Candidates in the order of trial: paper C's (28), or by cost of the foothold plus energy of the step.
 
-    The power is that of the pose over the best foothold: the pose decides it, the foothold hardly.
+    The energy is the power of holding the pose for as long as the shift to it and the swing take: a better pose must be worth
+    the time of going there. It is worked out over the best foothold: the pose decides it, the foothold hardly.
     """
     counts = plan.counts
     if plan.order == "paper":
@@ -230,10 +233,12 @@ def _order(robot: Robot, plan: GaitPlan, state: State, leg, seen: Footing) -> In
     feet = state.feet.at[leg].set(seen.foot[0])
     weight = (jnp.arange(4) != leg).astype(feet.dtype)
 
-    def power(adjust):
-        return holding_power(robot, feet, swing_pose(robot, plan.pose, state.feet, feet, leg, adjust, state.pose[5]), weight)
+    def energy(adjust):
+        pose = swing_pose(robot, plan.pose, state.feet, feet, leg, adjust, state.pose[5])
+        seconds = shift_time(state.pose, pose, plan.acceleration) + plan.swing_time
+        return holding_power(robot, feet, pose, weight) * seconds
 
-    value = plan.energy_weight / plan.power * jax.vmap(power)(adjust)
+    value = plan.energy_weight / plan.energy * jax.vmap(energy)(adjust)
     return jnp.argsort((seen.cost[:, None] + jnp.nan_to_num(value, nan=jnp.inf)).reshape(-1))
 
 

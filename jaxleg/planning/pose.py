@@ -9,11 +9,13 @@ from jaxtyping import Array, Float, Int
 from jaxleg.conventions import LEG_END
 from jaxleg.dynamics import all_leg_frames, centre_of_mass
 from jaxleg.gait import SHIFT, SWING_LEG, overlap_incentre, overlap_median
-from jaxleg.numerics import inverse3_safe, matvec
+from jaxleg.numerics import inverse3_safe, matvec, norm_safe, sqrt_safe
 from jaxleg.planning.posture import CogPlan, com_offset, trunk_rotation
 from jaxleg.robot import Robot
 
 STEP_LEGS = tuple(leg for leg in SWING_LEG if leg != SHIFT)  # the swinging leg of each step: RH, RF, LH, LF
+
+PEAK = 5.7735  # greatest acceleration of a minimum-jerk move of length 1 in time 1
 
 
 @jax.tree_util.register_dataclass
@@ -113,6 +115,12 @@ def pose_over(robot, plan: PosePlan, feet, plane, point, adjust, near) -> Float[
     for _ in range(2):
         pose = over(point - com_offset(robot, pose, feet)[:2])
     return pose
+
+
+def shift_time(start: Float[Array, "6"], end: Float[Array, "6"], acceleration: Float[Array, ""]) -> Float[Array, ""]:
+    """Time [s] of a minimum-jerk shift in which neither the trunk's centre nor a point 0.4 m off accelerates more [m/s^2]."""
+    way = norm_safe(end[:3] - start[:3]) + 0.4 * norm_safe(end[3:] - start[3:])
+    return sqrt_safe(PEAK * way / acceleration)
 
 
 def com_position(robot: Robot, pose: Float[Array, "6"], angles: Float[Array, "leg joint"]) -> Float[Array, "3"]:

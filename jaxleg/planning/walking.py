@@ -15,10 +15,8 @@ from jaxleg.numerics import norm_safe
 from jaxleg.plan import Phases
 from jaxleg.planning.collision import Obstacles
 from jaxleg.planning.gaits import GaitPlan, State, swing_apex
-from jaxleg.planning.pose import STEP_LEGS, stand_pose
+from jaxleg.planning.pose import STEP_LEGS, shift_time, stand_pose
 from jaxleg.robot import Robot
-
-PEAK = 5.7735  # greatest acceleration of a minimum-jerk move of length 1 in time 1
 
 
 @jax.tree_util.register_dataclass
@@ -72,16 +70,15 @@ def walk_phases(
 
 
 def _shift_time(timing: Timing, start, end, feet):
-    """Long enough that neither the trunk's centre nor a point 0.4 m from it accelerates more than allowed, and that the zero
-    moment point, h a / g from under the centre, stays inside the hull of the feet by the reserve [s]."""
-    way = norm_safe(end[:, :3] - start[:, :3]) + 0.4 * norm_safe(end[:, 3:] - start[:, 3:])
+    """`shift_time` [s] at the allowed acceleration, or less: the zero moment point, h a / g from under the centre, shall stay
+    inside the hull of the feet by the reserve."""
     inside = jax.vmap(stability_margin, in_axes=(0, 0, None))
     everyone = jnp.ones(4, bool)
     margin = jnp.minimum(*(inside(pose[:, :2], feet[..., :2], everyone) for pose in (start, end)))
     height = jnp.maximum(end[:, 2] - jnp.mean(feet[..., 2], axis=1), 0.1)
     steady = GRAVITY / height * (margin - timing.reserve)
     acceleration = jnp.clip(steady, 0.15 * timing.acceleration, timing.acceleration)
-    return jnp.maximum(jnp.sqrt(PEAK * way / acceleration), timing.least_shift)
+    return jnp.maximum(jax.vmap(shift_time)(start, end, acceleration), timing.least_shift)
 
 
 def _swing_time(timing: Timing, start, end, apex):
