@@ -25,7 +25,7 @@ from jaxleg.search.config import Study
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import Outcome, navigate, navigator_of, simulate_all, survey_all
 
-MAPS, HARDEST = 60, 0.6  # the easier part of `walk_maps`' range, where nearly all are walked
+MAPS, HARDEST = 40, 0.6  # the easier part of `walk_maps`' range, where nearly all are walked
 HEIGHT_STEP, HEIGHTS = 0.03, 5
 TALL = GAIT.hip_height + HEIGHT_STEP * (HEIGHTS // 2)
 CONTESTANTS = ("paper", "paper, tall", "energy")

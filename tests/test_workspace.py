@@ -100,6 +100,7 @@ def test_out_of_reach_is_never_cheap(pegasus):
     assert mean_cost(pegasus, Workspace(0.3, 0.5, 0.48, 0.52), LEG_LOAD, (20, 4)).total == jnp.inf
 
 
+@pytest.mark.slow  # long to compile
 def test_mean_has_a_gradient(pegasus):
     """Sliding the paper's workspace: reverse mode against central differences."""
     mean = lambda dx: workspace.mean_cost(pegasus, Workspace(dx - 0.2, dx, 0.48, 0.52), LEG_LOAD, (20, 4)).square  # noqa: E731

@@ -5,6 +5,7 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jaxleg.swing.blind import blind_swing
 from jaxleg.swing.machine import Mode, Step, printed
@@ -21,6 +22,7 @@ def of(vector, heights):
     return machine, step, natural_spline(heights.at[5:9].add(vector[3:]))
 
 
+@pytest.mark.slow  # long to compile
 def test_forward_reverse_and_central_differences_agree():
     heights = jnp.asarray(np.random.default_rng(3).uniform(2.2, 4.6, (LANES, 15))).at[:, 0].set(3.0)
     vector = jnp.array([0.3, 0.5, 8.0, 0.0, 0.0, 0.0, 0.0])
