@@ -48,7 +48,7 @@ def replay_mjx(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]:
 def replay_mujoco(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]:
     """Follow a plan in C MuJoCo."""
     seen = follow_all(file.robot, [file.terrain], [file.reference], file.params["friction"], frame)
-    energy = Power(seen.mechanical[0], seen.mechanical_positive[0], seen.joule[0])
+    energy = Power(*(jnp.asarray(x[0]) for x in (seen.mechanical, seen.mechanical_positive, seen.joule)))
     result = {
         "engine": "mujoco",
         **_figures(file, energy, _way(seen.trunk[0], file), seen.time[0], seen.margin[0], seen.slip[0]),
