@@ -32,13 +32,14 @@ GRID = Grid(100, 100, 0.05, (0.0, 0.0))
 START, GOAL, LONGEST = (1, 1), (98, 98), 600
 MU_DISTANCE, MU_COST = 0.4, 0.6
 BLOCKED = 1.1  # standard deviations above the mean
-BATCH = 8  # maps at once on a device: more do not stay in its cache
+BATCH = 4  # maps at once on a device: more do not stay in its cache
 Route = Callable[[], float]  # cost of the way over a map: infinite without one, NaN where a planner does not tell
 
 
 def main(out: Path | None = None, quick: bool = False) -> None:
     """Time all that are installed, compare the answers; `quick` takes 128 maps."""
     configure_jax()
+    jax.config.update("jax_enable_compilation_cache", False)  # cold means compiled, whoever ran it before
     cost = maps(128 if quick else 1024)
     ours = time_ours(cost)
     few = np.arange(0, len(cost), len(cost) // (16 if quick else 64))

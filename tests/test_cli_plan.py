@@ -78,6 +78,7 @@ def test_maps_that_cannot_be_used(config, map_file, capsys, options, words):
     [
         ("[navigation.tree]\ndepth = 0\n", ["navigation.tree.depth", "0", "at least 1"]),
         ("[navigation.path]\nmu_cost = 0.7\n", ["mu_distance and mu_cost", "0.4 and 0.7", "sum to 1"]),
+        ("[navigation.path]\nmu_distance = 0.0\nmu_cost = 1.0\n", ["navigation.path.mu_distance", "0.0", "above 0"]),
         ("[navigation.cost]\nbody_weights = [1.0, 1.0, 0.0]\n", ["body_weights", "sum to 1"]),
         ("[navigation.cost]\nlambda_body = 0.9\n", ["lambda_body and lambda_feet", "sum to 1"]),
         ("[navigation.cost.foot_weights]\nLF = [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n", ["LF", "weights sum to 2"]),
