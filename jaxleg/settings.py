@@ -16,7 +16,6 @@ import difflib
 import functools
 import json
 import operator
-import os
 import sys
 import tomllib
 import types
@@ -28,6 +27,7 @@ from typing import Any, Literal, TypeVar
 import tomli_w
 
 from jaxleg.conventions import InputError
+from jaxleg.files import replace_whole
 
 T = TypeVar("T")
 _TYPES = {float: (int, float), int: int, bool: bool, str: str}  # what may stand for each
@@ -111,14 +111,8 @@ def dump(instance: Any, path: str | Path) -> None:
 
 
 def write_whole(path: str | Path, text: str) -> None:
-    """Write a file so that a kill leaves the earlier one or the new one. Raises `InputError` if it cannot."""
-    path = Path(path)
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
-    except (OSError, ValueError) as error:  # ValueError: a text that UTF-8 cannot hold
-        raise InputError(f"{path}: cannot be written: {getattr(error, 'strerror', error)}") from error
+    """Write a text so that a kill leaves the earlier file or the new one. Raises `InputError` as `replace_whole`."""
+    replace_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 @dataclasses.dataclass(frozen=True)

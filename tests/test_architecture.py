@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent / "jaxleg"
 ORDER = (
-    ("conventions", "settings", "numerics", "queue"),
+    ("conventions", "files", "npz", "settings", "numerics", "queue"),
     ("robot",),
     ("kinematics",),
     ("dynamics", "energy", "plan"),

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.conventions import LEGS, InputError
+from jaxleg.npz import write_npz
 from jaxleg.plan import Reference
 from jaxleg.robot import Robot
 from jaxleg.sim.mjcf import robot_mjcf
@@ -83,11 +84,7 @@ def save_plan(
         "kd": robot.velocity_gain,
     }
     arrays |= {f"robot/{field.name}": getattr(robot, field.name) for field in dataclasses.fields(Robot)}
-    try:
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        np.savez_compressed(path, allow_pickle=False, **{key: np.asarray(value) for key, value in arrays.items()})
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+    write_npz(path, arrays)
 
 
 def load_plan(path: str | Path) -> PlanFile:

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.conventions import InputError
+from jaxleg.npz import write_npz
 from jaxleg.terrain.heightmap import HeightMap
 
 KEYS = {"elevation": 2, "resolution": 0, "origin_xy": 1}  # and their dimensions
@@ -36,12 +37,7 @@ def load_map(path: str | Path) -> HeightMap:
 
 def save_map(terrain: HeightMap, path: str | Path) -> None:
     """Write a map that `load_map` reads back equal. Raises `InputError` where nothing can be written."""
-    try:
-        np.savez_compressed(
-            path, elevation=terrain.elevation, resolution=np.asarray(terrain.resolution), origin_xy=terrain.origin
-        )
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+    write_npz(path, {"elevation": terrain.elevation, "resolution": terrain.resolution, "origin_xy": terrain.origin})
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:

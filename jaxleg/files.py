@@ -1,0 +1,56 @@
+"""Files that are replaced whole or not at all."""
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from jaxleg.conventions import InputError
+
+
+def replace_whole(path: str | Path, write: Callable[[Path], object]) -> None:
+    """Let `write` make a file beside `path`, under another name that ends alike, and put it in its place.
+
+    Whatever happens, the earlier file or the new one is there, whole. Missing parent folders are made, a link is followed.
+    Raises `InputError`, "{path}: cannot be written: ...", where the place or the disk does not allow it.
+    """
+    with _refusal(path):
+        target = _target(path)
+        part = target.with_name(f".{os.getpid()}.{target.name}")
+        try:
+            write(part)
+            os.replace(part, target)
+        finally:
+            with contextlib.suppress(OSError):  # the first failure is the one to tell
+                part.unlink(missing_ok=True)
+
+
+def check_writable(path: str | Path) -> None:
+    """Raises `InputError` where `replace_whole` would find no place for a file: to be asked before long work."""
+    with _refusal(path):
+        target = _target(path)
+        part = target.with_name(f".{os.getpid()}.{target.name}")
+        part.touch()
+        part.unlink()
+
+
+@contextlib.contextmanager
+def _refusal(path: str | Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, UnicodeError) as error:  # UnicodeError: a text that UTF-8 cannot hold
+        raise InputError(f"{path}: cannot be written: {getattr(error, 'strerror', None) or error}") from error
+
+
+def _target(path: str | Path) -> Path:
+    """The file that is meant, its folder made."""
+    if "\0" in str(path):
+        raise InputError(f"{str(path)!r}: cannot be written: a name holds no null character")
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise InputError(f"{path}: cannot be written: it is a folder")
+    if target.exists() and not target.is_file():
+        raise InputError(f"{path}: cannot be written: it is a device or a pipe")
+    with contextlib.suppress(FileExistsError):  # a file in the way; to open one below it says so better
+        target.parent.mkdir(parents=True, exist_ok=True)
+    return target
