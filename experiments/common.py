@@ -3,11 +3,8 @@
 import contextlib
 import io
 import json
-import os
-import platform
 import time
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +15,7 @@ import numpy as np
 with contextlib.redirect_stdout(io.StringIO()):  # MJX prints that its optional Warp back end is not there
     from jaxleg.search.lanes import Lab, Setting
 
+from jaxleg.about import about
 from jaxleg.cli import configure_jax
 from jaxleg.robot import load_robot
 from jaxleg.search.config import Study, robot_path
@@ -58,9 +56,5 @@ def write(name: str, out: Path | None, result: dict[str, Any]) -> None:
     """Write runs/NAME/result.json with versions and hardware beside the numbers."""
     folder = out or Path("runs") / name
     folder.mkdir(parents=True, exist_ok=True)
-    about = {
-        "versions": {package: version(package) for package in ("jax", "mujoco", "mujoco-mjx", "numpy")},
-        "hardware": {"machine": platform.machine(), "cores": os.cpu_count(), "device": str(jax.devices()[0])},
-    }
-    (folder / "result.json").write_text(json.dumps(result | about, indent=2) + "\n")
+    (folder / "result.json").write_text(json.dumps(result | about(), indent=2) + "\n")
     print(f"written: {folder / 'result.json'}")

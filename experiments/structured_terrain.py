@@ -27,8 +27,8 @@ from jaxleg.planning.path import BodyPath, PathStatus
 from jaxleg.planning.stations import stations
 from jaxleg.planning.tree import SearchStatus, advance, begin
 from jaxleg.queue import over_queue
-from jaxleg.search.batches import over_lanes, shared_out
-from jaxleg.search.navigate import CHUNK, navigator_of
+from jaxleg.search.batches import layout, over_lanes, shared_out
+from jaxleg.search.navigate import MOST, navigator_of
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
 from jaxleg.viz.navigation import Look, draw_dead_end
 
@@ -44,7 +44,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     study, lab = setup()
     count = 32 if quick else TERRAINS
     base = navigator_of(study, lab.robot, GAIT, GRID.resolution)
-    grounds = over_lanes(functools.partial(ground, base), CHUNK)(maps(count))
+    grounds = over_lanes(functools.partial(ground, base), *layout(count, MOST))(maps(count))
     series = {f"depth {depth}": searched(base, grounds, depth) for depth in DEPTHS}
     series["depth 4, nothing pruned"] = searched(base, grounds, 4, prune=False)
     rows = {name: row(found) for name, found in series.items()}

@@ -18,10 +18,10 @@ import tyro
 from experiments.common import setup, write
 from jaxleg.planning.navigation import NavigationStatus, Navigator, Survey, Walked
 from jaxleg.planning.states import Cause
-from jaxleg.search.batches import over_lanes
+from jaxleg.search.batches import layout, over_lanes
 from jaxleg.search.config import Gait
 from jaxleg.search.lanes import Lab
-from jaxleg.search.navigate import CHUNK, Outcome, navigate, navigator_of, on_valid_cells, simulate_all, survey_all
+from jaxleg.search.navigate import MOST, Outcome, navigate, navigator_of, on_valid_cells, simulate_all, survey_all
 from jaxleg.sim.referee_follow import follow_all
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
 from jaxleg.viz.navigation import Trials, draw_success
@@ -103,7 +103,7 @@ def refereed(
     """Some walks again in C MuJoCo, evenly from easy to hard: outcomes, and energy beside MJX."""
     lanes = lanes[np.linspace(0, len(lanes) - 1, count).round().astype(int)]
     part = jax.tree.map(lambda x: x[lanes], (surveys, walked))
-    planned = over_lanes(navigator.planned, CHUNK)(*part)
+    planned = over_lanes(navigator.planned, *layout(count, MOST))(*part)
     cut = [jax.tree.map(lambda x, i=i: x[i, : planned.last[i] + 1], planned.reference) for i in range(count)]
     grounds = [jax.tree.map(lambda x, i=i: x[i], part[0].scene.terrain) for i in range(count)]
     judged = follow_all(lab.robot, grounds, cut, float(lab.ground.friction))

@@ -63,7 +63,7 @@ def setting(
 def load(cls: type[T], path: str | Path) -> T:
     """Read a `cls` from a TOML file. Raises `InputError` if it cannot be read, is not TOML, or as `build`."""
     try:
-        text = Path(path).read_text("utf-8")
+        text = Path(path).read_text("utf-8-sig")  # an editor's byte order mark is no part of it
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from error
     try:
@@ -213,5 +213,8 @@ def _describe(words: str, rule: Mapping[str, Any]) -> str:
 
 def _show(value: Any) -> str:
     """The value about as TOML would have it, shortened."""
-    text = repr(value) if isinstance(value, float) else json.dumps(value, default=str, ensure_ascii=False)
+    try:
+        text = repr(value) if isinstance(value, float) else json.dumps(value, default=str, ensure_ascii=False)
+    except RecursionError:
+        text = "a table in a table in a table ..."
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent / "jaxleg"
 ORDER = (
-    ("conventions", "files", "npz", "settings", "numerics", "queue"),
+    ("about", "conventions", "files", "npz", "numerics", "queue", "settings"),
     ("robot",),
     ("kinematics",),
     ("dynamics", "energy", "plan"),

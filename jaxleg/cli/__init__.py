@@ -3,24 +3,32 @@
 JAX is configured here (`start.configure_jax`) and nowhere else in the package.
 """
 
+import os
 import sys
 
-from jaxleg.cli.start import EXIT_INPUT, EXIT_INTERRUPTED, USAGE, configure_jax
+from jaxleg.cli.start import EXIT_INPUT, EXIT_INTERRUPTED, EXIT_PIPE, USAGE, configure_jax
 from jaxleg.conventions import InputError
 
 __all__ = ["configure_jax", "main"]
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Entry point of the console script; exits with 0, 1 (nothing feasible), 2 (bad input) or 130 (interrupted)."""
+    """Entry point of the console script; exits with 0, 1 (nothing feasible), 2 (bad input), 130 (interrupted) or 141 (nobody
+    reads on)."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        sys.exit(dispatch(arguments))
+        try:
+            sys.exit(dispatch(arguments))
+        finally:
+            sys.stdout.flush()
     except InputError as error:
         print(f"jaxleg: {error}", file=sys.stderr)
         sys.exit(EXIT_INPUT)
     except KeyboardInterrupt:
         sys.exit(EXIT_INTERRUPTED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it flushes
+        sys.exit(EXIT_PIPE)
 
 
 def dispatch(arguments: list[str]) -> int:

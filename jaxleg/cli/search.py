@@ -1,18 +1,18 @@
 """`jaxleg search CONFIG`: the main job."""
 
 import dataclasses
-import os
 import sys
 from pathlib import Path
 from typing import Any
 
-from jaxleg.cli.start import EXIT_INFEASIBLE, EXIT_INTERRUPTED, USAGE, configure_jax, quietly
+from jaxleg.cli.options import take
+from jaxleg.cli.start import EXIT_INFEASIBLE, EXIT_INTERRUPTED, USAGE, configure_jax
 from jaxleg.conventions import InputError
 
 
 def search(arguments: list[str]) -> int:
     """`jaxleg search`: read and check everything first, then run the study in its folder."""
-    from jaxleg.robot import load_robot
+    from jaxleg.robot import RobotFile, build_robot
     from jaxleg.search.checks import check_study
     from jaxleg.search.config import Kind, Study, robot_path
     from jaxleg.settings import from_command_line, load
@@ -22,30 +22,25 @@ def search(arguments: list[str]) -> int:
     study = from_command_line(Study, study, overrides, prog="jaxleg search CONFIG")
     if source is None:
         raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
-    path = robot_path(study, source)
+    file = load(RobotFile, robot_path(study, source))
     configure_jax()
-    robot = load_robot(path)
+    robot = build_robot(file)
     check_study(study, source, leg_numbers(robot))
-    return run_study(study, robot, path, out or Path("runs") / Path(source).stem, resume)
+    return run_study(study, robot, file, out or Path("runs") / Path(source).stem, resume)
 
 
 def split(arguments: list[str]) -> tuple[str | None, Path | None, bool, list[str]]:
     """The config file, --out, --resume and the remaining overrides of a command line."""
-    rest, out, resume = list(arguments), None, "--resume" in arguments
+    rest, resume = list(arguments), "--resume" in arguments
     if resume:
         rest.remove("--resume")
-    if "--out" in rest:
-        at = rest.index("--out")
-        if at + 1 >= len(rest):
-            raise InputError("command line: --out is given without a value, but a folder must follow it")
-        out = Path(rest[at + 1])
-        del rest[at : at + 2]
+    out = take(rest, "out")
     if {"-h", "--help"} & set(rest):
         print(USAGE)
     named = [] if not rest or rest[0].startswith("-") else [rest.pop(0)]
     if not named and not {"-h", "--help"} & set(rest):
         raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
-    return named[0] if named else None, out, resume, rest
+    return named[0] if named else None, Path(out[0]) if out else None, resume, rest
 
 
 def leg_numbers(robot: Any) -> Any:
@@ -56,46 +51,70 @@ def leg_numbers(robot: Any) -> Any:
     return Legs(float(leg_length(robot)), float(-robot.link_offset[0, 1, 2]), float(robot.foot_radius))
 
 
-def run_study(study: Any, robot: Any, robot_file: Path, out: Path, resume: bool) -> int:
-    """Open the run folder, run the study with a progress bar, write the result, its figures and a table."""
+def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) -> int:
+    """Open the run folder, run the study with a progress bar, write the result, a table and figures."""
     from rich.console import Console
 
-    quietly()
-
-    from jaxleg.search.run import CONTESTANTS, make_lab, work
+    from jaxleg.about import about
+    from jaxleg.search.run import CONTESTANTS, work
     from jaxleg.search.run_folder import RunFolder
     from jaxleg.search.study import run
     from jaxleg.viz.terminal import progress, result_table
 
     console = Console(width=None if sys.stdout.isatty() else 110)
-    folder = RunFolder.open(out, study, resume)
+    study = dataclasses.replace(study, robot="robot.toml")  # the folder has all that its config.toml names
+    made_with = {name: value for table in about().values() for name, value in table.items()}
+    folder = RunFolder.open(out, {"config": study, "robot": robot_file}, resume, made_with)
     console.print(f"searching {', '.join(study.kinds)} at {study.speed:g} m/s; results go to {folder.path}")
+    for change in folder.changes:
+        console.print(f"this run began with {change}: the last digits may differ")
     try:
         with progress(console, work(study)) as report:
             result, chosen = run(study, robot, folder, report)
+            folder.write_result(result)
+            write_best(study, folder, chosen)
             report(work(study), "figures")
-            from jaxleg.viz.study import draw_study  # matplotlib: only once there is something to draw
-
-            draw_study(study, make_lab(study, robot), result, folder.history, folder.figures)
+            failed = draw(study, robot, result, folder)
     except KeyboardInterrupt:
         console.print(f"interrupted; `--resume --out {out}` goes on from here")
         return EXIT_INTERRUPTED
-    folder.write_result(result)
-    write_best(study, robot_file, folder, chosen)
+    finally:
+        folder.close()
     console.print(result_table(result))
     console.print(f"result.json, best.toml and figures are in {folder.path}")
+    for words in failed:
+        console.print(f"no picture: {words}", markup=False)
     usable = any(result[name][kind]["speed"] is not None for name in CONTESTANTS for kind in study.kinds)
     if not usable:
         console.print("no contestant walks on any held-out terrain: each lane is infeasible (unfit) or fell")
     return 0 if usable else EXIT_INFEASIBLE
 
 
-def write_best(study: Any, robot_file: Path, folder: Any, chosen: dict) -> None:
+def draw(study: Any, robot: Any, result: dict[str, Any], folder: Any) -> list[str]:
+    """Draw what can be drawn; returns a line on each picture that cannot. The result is safe by then."""
+    from jaxleg.files import replace_whole
+    from jaxleg.search.run import make_lab
+
+    failed = []
+    try:
+        from jaxleg.viz.study import study_pictures  # matplotlib: only once there is something to draw
+
+        pictures = study_pictures(study, make_lab(study, robot), result, folder.history)
+    except Exception as error:  # whatever fails in a plotting library
+        return [f"{folder.figures}: {error}"]
+    for name, picture in pictures.items():
+        try:
+            replace_whole(folder.figures / name, picture)
+        except Exception as error:
+            failed.append(f"{folder.figures / name}: {error}")
+    return failed
+
+
+def write_best(study: Any, folder: Any, chosen: dict) -> None:
     """`best.toml`: the study with each kind's best gait in place."""
     from jaxleg.search.config import PARAMETERS, Gait
     from jaxleg.settings import dump
 
     gaits = {kind: Gait(**dict(zip(PARAMETERS, map(float, best[-1])))) for kind, best in chosen.items()}
     kinds = {kind: dataclasses.replace(table, gait=gaits[kind]) for kind, table in study.kinds.items()}
-    robot = os.path.relpath(robot_file, folder.path)
-    dump(dataclasses.replace(study, kinds=kinds, robot=robot), folder.best)
+    dump(dataclasses.replace(study, kinds=kinds), folder.best)

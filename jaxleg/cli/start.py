@@ -5,6 +5,8 @@ import io
 import os
 from pathlib import Path
 
+from jaxleg.conventions import InputError
+
 USAGE = """usage: jaxleg COMMAND ...
 
   search CONFIG   search planner parameters over many terrains, verify them in simulation on held-out ones
@@ -26,20 +28,47 @@ USAGE = """usage: jaxleg COMMAND ...
   --seed N        random seed; like any other key of CONFIG, e.g. --search.steps 20, --navigation.tree.depth 2
   --help          all keys of CONFIG with their limits: jaxleg search CONFIG --help
 """
-EXIT_INFEASIBLE, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
+EXIT_INFEASIBLE, EXIT_INPUT, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 130, 141
 
 
 def configure_jax() -> None:
-    """Persistent compilation cache, exact matrix products, a device a core; called once, before anything is compiled."""
+    """Persistent compilation cache, exact matrix products, a device a core; called once, before anything is compiled.
+
+    Raises `InputError` where JAX finds no device of the platform asked for.
+    """
     import jax
 
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
-    cache = os.environ.get("JAXLEG_CACHE") or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jaxleg"
-    jax.config.update("jax_compilation_cache_dir", str(cache))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's back end may not even be installed here
+    if cache := cache_folder(jax.config.jax_compilation_cache_dir):
+        jax.config.update("jax_compilation_cache_dir", str(cache))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_default_matmul_precision", "highest")
     if "JAX_NUM_CPU_DEVICES" not in os.environ:
         jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)  # see search/batches.py
+    try:
+        jax.local_devices()
+    except RuntimeError as error:
+        raise InputError(f"JAX_PLATFORMS is {os.environ.get('JAX_PLATFORMS', '')!r}: {first_line(error)}") from error
+
+
+def cache_folder(chosen: str | None) -> Path | None:
+    """Where compiled programs are kept: JAXLEG_CACHE, else JAX's own choice, else the user's; None where nobody may write."""
+    try:
+        users = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jaxleg"
+    except RuntimeError:  # a user without a home
+        users = None
+    named = os.environ.get("JAXLEG_CACHE") or chosen or users
+    with contextlib.suppress(OSError):
+        if named:
+            Path(named).mkdir(parents=True, exist_ok=True)
+            return Path(named) if os.access(named, os.W_OK) else None
+    return None
+
+
+def first_line(error: Exception) -> str:
+    """What an error says first."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
 def quietly() -> None:

@@ -14,7 +14,7 @@ ROUNDING = 1e-6  # of a sum that must be 1
 class PathSettings:
     """Body path (C9) and how the stance follows it (C10b)."""
 
-    mu_distance: float = setting(0.4, above=0.0, max=1.0, help="mu_1, of the way in metres; without it a path may go in circles")
+    mu_distance: float = setting(0.4, above=0.0, max=1.0, help="mu_1, of the way in metres; at 0 a path may circle")
     mu_cost: float = setting(0.6, min=0.0, max=1.0, help="mu_2, of the cost; the two sum to 1")
     smoothing: float = setting(0.5, min=0.0, max=5.0, unit="m", help="window that the path is averaged over")
     turn_deg: float = setting(15.0, above=0.0, max=90.0, unit="deg", help="most that the stance turns in a cycle")

@@ -100,8 +100,11 @@ class Navigator:
         features = foothold_features(terrain, resolution, self.windows.foothold)
         cost = total_cost(terrain, features, resolution, self.windows, weights)
         angles = 0.25 * jnp.pi * jnp.arange(len(HEADINGS))
-        each = jax.vmap(jax.vmap(foothold_cost, in_axes=(None, None, None, 0)), in_axes=(None, None, 0, None))
-        foot = each(features, weights.feet, jnp.arange(len(LEGS)), angles)
+
+        def of_leg(leg):  # one heading after another: a vmap would hold the scores of all of them at once
+            return jax.lax.map(lambda angle: foothold_cost(features, weights.feet, leg, angle), angles)
+
+        foot = jax.lax.map(of_leg, jnp.arange(len(LEGS)))
         scene = Scene(terrain, self.valid(terrain), foot, self.obstacles(terrain))
         footing = least_footing(scene.valid, resolution, self.windows.feet) >= self.settings.footing.least_share
         return Survey(scene, cost._replace(total=jnp.where(footing, cost.total, jnp.inf)))

@@ -12,19 +12,20 @@ import jax
 import numpy as np
 
 
-def over_lanes(lane: Callable[..., Any], chunk: int) -> Callable[..., Any]:
-    """The function of one lane over a leading axis of its arguments, `chunk` lanes a device at a time."""
-    return shared_out(jax.vmap(lane), chunk)
+def over_lanes(lane: Callable[..., Any], chunk: int, devices: int | None = None) -> Callable[..., Any]:
+    """The function of one lane over a leading axis of its arguments, `chunk` lanes a device at a time; see `shared_out`."""
+    return shared_out(jax.vmap(lane), chunk, devices)
 
 
-def shared_out(batch: Callable[..., Any], chunk: int) -> Callable[..., Any]:
-    """A function over a leading axis of its arguments, its lanes shared out over all devices, `chunk` a device at a time.
+def shared_out(batch: Callable[..., Any], chunk: int, devices: int | None = None) -> Callable[..., Any]:
+    """A function over a leading axis of its arguments, its lanes shared out over devices (all), `chunk` a device at a time.
 
-    What it is called with as `common=(...)` comes first among its arguments, whole on every device.
+    Every call, of few lanes too, is filled up to whole chunks, so that all share one compiled program: where a lane is
+    expensive, let `layout` choose. What it is called with as `common=(...)` comes first among its arguments, whole on every
+    device.
     """
-    devices = np.array(jax.local_devices())
+    mesh = jax.sharding.Mesh(np.array(jax.local_devices()[:devices]), ("lane",))
     along = jax.sharding.PartitionSpec("lane")
-    mesh = jax.sharding.Mesh(devices, ("lane",))
 
     @jax.jit
     @functools.partial(
@@ -34,9 +35,16 @@ def shared_out(batch: Callable[..., Any], chunk: int) -> Callable[..., Any]:
         return batch(*common, *lanes)
 
     def call(*batched: Any, common: tuple = ()) -> Any:
-        return in_chunks(lambda *lanes: shared(common, lanes), chunk * devices.size, *batched)
+        return in_chunks(lambda *lanes: shared(common, lanes), chunk * mesh.size, *batched)
 
     return call
+
+
+def layout(count: int, most: int) -> tuple[int, int]:
+    """Lanes a device at a time, at most `most`, and devices, for `count` lanes: fewer than one a device and round too many."""
+    devices = max(1, min(jax.local_device_count(), count))
+    rounds = max(1, -(-count // (devices * most)))
+    return max(1, -(-count // (devices * rounds))), devices
 
 
 def in_chunks(function: Callable[..., Any], chunk: int, *batched: Any) -> Any:
@@ -45,12 +53,20 @@ def in_chunks(function: Callable[..., Any], chunk: int, *batched: Any) -> Any:
     Results are NumPy arrays: memory is that of one chunk, whatever the number of lanes.
     """
     count = jax.tree.leaves(batched)[0].shape[0]
+    if not count:
+        return _nothing(function, chunk, batched)
     batched, parts = jax.tree.map(np.asarray, batched), []  # NumPy picks lanes without compiling anything
     for start in range(0, count, chunk):
         kept = min(chunk, count - start)
         part = function(*_lanes(batched, np.minimum(np.arange(start, start + chunk), count - 1)))
         parts.append(_lanes(jax.tree.map(np.asarray, part), slice(kept)))
     return jax.tree.map(lambda *x: np.concatenate(x), *parts)
+
+
+def _nothing(function, chunk, batched):
+    """What a batch function returns, without a lane."""
+    full = jax.tree.map(lambda x: jax.ShapeDtypeStruct((chunk, *x.shape[1:]), x.dtype), batched)
+    return jax.tree.map(lambda x: np.zeros((0, *x.shape[1:]), x.dtype), jax.eval_shape(function, *full))
 
 
 def _lanes(tree, index):

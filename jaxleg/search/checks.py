@@ -8,6 +8,7 @@ import numpy as np
 from jaxleg.conventions import InputError
 from jaxleg.planning.rectangle import bounding_sides
 from jaxleg.search.config import Rectangle, Study
+from jaxleg.terrain.generators import KINDS
 
 
 class Legs(NamedTuple):
@@ -29,6 +30,10 @@ def check_study(study: Study, source: str, legs: Legs) -> None:
                 f"{source}: terrains.{key} is {getattr(study.terrains, key)}, but must be at least"
                 f" {len(study.kinds)}, one for each of kinds"
             )
+    for name, kind in study.kinds.items():
+        if kind.generator not in KINDS:
+            allowed = ", ".join(sorted(KINDS))
+            raise InputError(f"{source}: kinds.{name}.generator is {kind.generator!r}, but must be one of {allowed}")
     _check_spans(study, source)
     check_map(f"{source}: terrains.", study.terrains.cells, study.terrains.resolution, study.rectangle, legs.foot_radius)
     _check_stances(study, source, legs)

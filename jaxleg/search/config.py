@@ -1,6 +1,7 @@
 """The configuration of a study: one TOML file, read into frozen dataclasses (checked as a whole in `checks`)."""
 
 import dataclasses
+import re
 from pathlib import Path
 from typing import Literal
 
@@ -71,12 +72,17 @@ class Contestants:
 class Kind:
     """One kind of terrain, and what every contestant has in common on it."""
 
-    generator: str = setting("flat", choices=("flat", "rough", "stairs", "cuboids", "fractal"), help="terrain generator")
+    generator: str = setting("flat", help="terrain generator")
     least_knee_bend_deg: float = setting(20.0, min=0.0, max=120.0, unit="deg", help="binds every contestant")
     rise: float = setting(0.08, min=0.0, max=0.5, unit="m", help="stairs: height of a step at difficulty 1")
     run: float = setting(0.30, above=0.05, max=5.0, unit="m", help="stairs: depth of a tread")
     amplitude: float = setting(0.05, min=0.0, max=1.0, unit="m", help="rough: amplitude at difficulty 1")
+    heading: float = setting(0.0, min=-np.pi, max=np.pi, unit="rad", help="stairs: direction of ascent")
     correlation_length: float = setting(0.25, above=0.02, max=10.0, unit="m", help="rough: size of its features")
+    cuboid: float = setting(0.30, above=0.02, max=10.0, unit="m", help="cuboids: length and width")
+    cuboid_height: float = setting(0.10, min=0.0, max=1.0, unit="m", help="cuboids: greatest height, up and down")
+    deviation: float = setting(0.12, min=0.0, max=2.0, unit="m", help="fractal: standard deviation at difficulty 1")
+    longest_wave: float = setting(4.0, above=0.1, max=100.0, unit="m", help="fractal")
     difficulty: Span = setting((1.0, 1.0), min=0.0, max=1.0, help="range over the terrains")
     gait: Gait = setting(Gait(), help="shared gait parameters")
 
@@ -152,7 +158,7 @@ class Study:
 
     kinds: dict[str, Kind] = setting(help="terrain kinds by name")
     robot: str = setting("robots/pegasus.toml", help="robot file, relative to the config file")
-    seed: int = setting(0, min=0)
+    seed: int = setting(0, min=0, max=2**32 - 1)  # JAX's keys take no more: it would drop higher bits
     speed: float = setting(0.05, above=0.0, max=1.0, unit="m/s", help="forward speed, the same for all")
     power: Convention = setting("positive", help="power convention that the search minimises")
     one_for_all: bool = setting(False, help="one parameter set for all kinds of terrain, not one each")
@@ -165,6 +171,11 @@ class Study:
     search: Search = setting(Search())
     simulation: Simulation = setting(Simulation())
     navigation: Navigation = setting(Navigation(), help="paper C's planner: `jaxleg plan`")
+
+    def __post_init__(self) -> None:
+        for name in self.kinds:  # it becomes part of file names
+            if not re.fullmatch("[A-Za-z0-9_-]{1,40}", name):
+                raise ValueError(f"kinds.{name!r} must be named by 1 to 40 letters, digits, _ or -")
 
 
 MOVED: dict[str, tuple[str, ...]] = {

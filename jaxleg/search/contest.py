@@ -54,9 +54,13 @@ def contest(score: Score, meters: Meters, least_bend: np.ndarray, contestants: i
 
 
 def bootstrap(values: np.ndarray, statistic, resamples: int, seed: int) -> dict[str, Any]:
-    """Mean and 95 % interval of a statistic of lanes (leading axis) over resampled lanes; nulls when there is none."""
-    if not len(values):
-        return {"mean": None, "ci95": None}
+    """Mean and 95 % interval of a statistic of lanes (leading axis) over resampled lanes.
+
+    Null without a lane; of a single lane there is no interval.
+    """
+    values = np.asarray(values, float)
+    if len(values) < 2:
+        return {"mean": float(statistic(values)) if len(values) else None, "ci95": None}
     index = np.random.default_rng(seed).integers(0, len(values), (resamples, len(values)))
     spread = np.array([statistic(values[i]) for i in index])
     return {"mean": float(statistic(values)), "ci95": [float(x) for x in np.percentile(spread, [2.5, 97.5])]}
@@ -69,7 +73,7 @@ def saving(ours: np.ndarray, base: np.ndarray, resamples: int, seed: int) -> dic
 
 def _saving(pairs: np.ndarray) -> float:
     ours, base = pairs.mean(axis=0)
-    return 1.0 - ours / base
+    return float(1.0 - ours / base)
 
 
 def savings(

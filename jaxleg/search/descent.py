@@ -76,7 +76,8 @@ def start(
     runs = bounds.shape[0]
     free = jax.random.normal(key, (runs, bounds.shape[1]), bounds.dtype) * 1.2
     for i in range(min(starts, known.shape[0])):
-        free = free.at[i::starts].set(unbounded(known[i], bounds[i::starts]))
+        span = bounds[i::starts]
+        free = free.at[i::starts].set(unbounded(jnp.broadcast_to(known[i], span.shape[:-1]), span))
     return Descent(free, optimiser.init(free), jnp.zeros((), jnp.int32))
 
 
@@ -88,11 +89,12 @@ def descend(
     per_step: int,
     optimiser: optax.GradientTransformation,
 ) -> tuple[Descent, np.ndarray]:
-    """One optimiser step of all runs on the next `per_step` terrains; returns the state and each run's mean objective.
+    """One optimiser step of all runs on the next `per_step` terrains, or all where there are fewer; returns the state and each
+    run's mean objective.
 
     A lane whose gradient is not finite takes no part in the step; it is counted by the final ranking over all terrains.
     """
-    runs = state.free.shape[0]
+    runs, per_step = state.free.shape[0], min(per_step, lanes.number)
     index = (int(state.step) * per_step + np.arange(per_step)) % lanes.number
     some = lanes.take(np.tile(index, runs))
     vectors = np.repeat(np.asarray(bounded(state.free, bounds)), per_step, axis=0)

@@ -17,14 +17,14 @@ from jaxleg.planning.footholds import nearest_cell
 from jaxleg.planning.navigation import NavigationStatus, Navigator, Planned, Survey, Walked, make_navigator
 from jaxleg.planning.pose import STEP_LEGS
 from jaxleg.robot import Robot
-from jaxleg.search.batches import over_lanes, shared_out
+from jaxleg.search.batches import layout, over_lanes, shared_out
 from jaxleg.search.config import PARAMETERS, Gait, Study
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
 from jaxleg.sim.follow import Followed, follow, landing_errors
 from jaxleg.terrain.heightmap import HeightMap
 
-CHUNK = 8  # maps that a device works on at once
+MOST = 8  # maps that a device works on at once
 
 
 class Outcome(NamedTuple):
@@ -50,7 +50,8 @@ def navigate(
     navigator: Navigator, surveys: Survey, start: Float[np.ndarray, "map 2"], goal: Float[np.ndarray, "map 2"]
 ) -> tuple[Walked, Int[np.ndarray, "map"]]:
     """Plan a walk on every map, and how many detours each took. A lane stuck with every path keeps its last status."""
-    walk = over_lanes(navigator.walk, CHUNK)
+    share = layout(len(start), MOST)
+    walk, detour = over_lanes(navigator.walk, *share), over_lanes(navigator.detour, *share)
     closed = np.zeros(surveys.scene.valid.shape, bool)
     walked = walk(surveys, start, goal, closed)
     detours = np.zeros(len(closed), int)
@@ -59,7 +60,7 @@ def navigate(
         if not len(lost):
             break
         part = _take((surveys, walked), lost)
-        closed[lost] = over_lanes(navigator.detour, CHUNK)(part[0].scene.terrain, part[1], closed[lost])
+        closed[lost] = detour(part[0].scene.terrain, part[1], closed[lost])
         again = walk(part[0], start[lost], goal[lost], closed[lost])
         found = again.status <= NavigationStatus.OK
         retry = found | np.isin(again.status, (NavigationStatus.DEAD_END, NavigationStatus.BUDGET))
@@ -71,7 +72,7 @@ def navigate(
 
 def survey_all(navigator: Navigator, maps: HeightMap) -> Survey:
     """`Navigator.survey` of maps with a leading axis."""
-    return over_lanes(navigator.survey, CHUNK)(maps)
+    return over_lanes(navigator.survey, *layout(len(maps.elevation), MOST))(maps)
 
 
 def simulate_all(
@@ -80,17 +81,18 @@ def simulate_all(
     """Follow every plan in MJX; lanes without a plan stand. Lanes of about the same length run together."""
     count = len(goal)
     length = np.where(walked.status == NavigationStatus.OK, walked.count, 0)
-    order, group = np.argsort(length, kind="stable"), CHUNK * jax.local_device_count()
-    plan = over_lanes(navigator.planned, CHUNK)
+    share = layout(count, MOST)
+    order, group = np.argsort(length, kind="stable"), int(np.prod(share))
+    plan = over_lanes(navigator.planned, *share)
     lane = functools.partial(_simulated, navigator, engine, ground)
-    run = shared_out(jax.vmap(lane, in_axes=(None, 0, 0, 0)), CHUNK)
+    run = shared_out(jax.vmap(lane, in_axes=(None, 0, 0, 0)), *share)
     parts = []
-    for first in range(0, count, group):
+    for first in range(0, max(count, 1), group):
         lanes = order[first : first + group]
         part = _take((surveys, walked), lanes)
         planned = plan(*part)
         time = planned.reference.time[np.arange(len(lanes)), planned.last]
-        ticks = np.int32(np.ceil(time.max() / navigator.settings.pace.tick) + 1)
+        ticks = np.int32(np.ceil(time.max(initial=0.0) / navigator.settings.pace.tick) + 1)
         parts.append(run(part[0].scene.terrain, planned, goal[lanes], common=(ticks,)))
     back = np.argsort(order)
     return jax.tree.map(lambda *x: np.concatenate(x)[back], *parts)
@@ -123,7 +125,9 @@ def on_valid_cells(surveys: Survey, walked: Walked) -> Bool[np.ndarray, "map"]:
         fine = valid[cell[..., 0], cell[..., 1]] & (jnp.max(jnp.abs(centre - states.feet[..., :2]), axis=-1) < 1e-3)
         return jnp.all(fine | (jnp.arange(fine.shape[0]) > count)[:, None])
 
-    return over_lanes(lane, CHUNK)(surveys.scene.terrain, surveys.scene.valid, walked.states, walked.count)
+    return over_lanes(lane, *layout(len(walked.status), MOST))(
+        surveys.scene.terrain, surveys.scene.valid, walked.states, walked.count
+    )
 
 
 def _take(tree: Any, lanes: np.ndarray) -> Any:

@@ -9,7 +9,7 @@ from jaxleg.plan import PlanStatus
 from jaxleg.search.contest import BEND_SLACK, Contest
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab
-from jaxleg.sim.referee import replay
+from jaxleg.sim.referee import Verdict, replay
 
 
 def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int) -> Contest:
@@ -19,8 +19,8 @@ def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int
     tracks = lab.reference_lanes(rows, lanes.site, lanes.setting)
     terrains, tracks = (unstack(jax.tree.map(np.asarray, tree)) for tree in (lanes.site.terrain, tracks))
     verdicts = replay(lab.robot, terrains, tracks, float(lab.ground.friction))
-    seen = {name: np.array([getattr(v, name) for v in verdicts]) for name in verdicts[0]._fields}
-    power = Power(seen["mechanical"], seen["mechanical_positive"], seen["joule"])
+    seen = {name: np.array([getattr(v, name) for v in verdicts]) for name in Verdict._fields}
+    power = Power(*(jnp.asarray(seen[name], float) for name in ("mechanical", "mechanical_positive", "joule")))
     energy = np.stack([np.asarray(electrical(power, convention)) / seen["distance"] for convention in CONVENTIONS], axis=-1)
     short = score.checks.knee_bend < np.asarray(lanes.setting.least_bend) - BEND_SLACK
     infeasible = (score.checks.status != PlanStatus.OK) | short

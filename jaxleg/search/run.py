@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -65,6 +66,7 @@ class Run:
         self.lab = make_lab(self.study, self.robot)
         self.kinds = tuple(self.study.kinds)
         self.seconds: dict[str, float] = {}
+        self.trained: dict[str, int] = {}  # distinct training terrains by kind
         self.done = 0.0
 
     def tell(self, units: float, text: str) -> None:
@@ -73,10 +75,13 @@ class Run:
         self.report(self.done, text)
 
     def remember(self, stage: str, like: Any, compute: Callable[[], Any]) -> Any:
-        """The stage's answer from the run folder, or computed now and saved there."""
+        """The stage's answer from the run folder, or computed now and saved there; of `like`'s types either way.
+
+        Without that a gradient in float32 times a width in float64 would be saved as what no resume can read.
+        """
         saved = self.folder.load(stage, like)
         if saved is None:
-            saved = compute()
+            saved = jax.tree.map(lambda x, wanted: np.asarray(x, wanted.dtype), compute(), like)
             self.folder.save(stage, saved)
         return saved
 

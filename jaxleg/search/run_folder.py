@@ -1,11 +1,14 @@
 """RunFolder: what a study keeps on disk, written so that a kill at any time leaves a folder to resume from.
 
 config.toml    the settings of the run, complete; what makes a folder a run folder
+robot.toml     the robot's numbers as they were read; any further table that the run is made of stands beside it likewise
+about.json     the versions and devices that the run began with
 history.csv    one row per (kind, stage, step)
 result.json    the numbers of the finished study
 best.toml      the settings of the best answer
 figures/
 checkpoints/   <stage>/<number>; the highest number counts
+.lock          held by the process that works in the folder
 """
 
 import contextlib
@@ -14,12 +17,14 @@ import functools
 import io
 import json
 import math
+import re
 import shutil
 from collections.abc import Generator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import quote
 
+import filelock
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -29,54 +34,66 @@ from jaxleg.settings import dump, load, to_table, write_whole
 
 Tree = TypeVar("Tree")
 HISTORY_KEY = ("kind", "stage", "step")
+HISTORY = (*HISTORY_KEY, "best", "mean", "seconds")  # columns
 
 
 class RunFolder:
-    """A study's folder, made by `RunFolder.open`; the attributes are the paths in it."""
+    """A study's folder, made by `RunFolder.open`; the attributes are the paths in it, `changes` what a resume finds changed."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.absolute()  # orbax takes no other
         self.config = self.path / "config.toml"
+        self.about = self.path / "about.json"
         self.history = self.path / "history.csv"
         self.result = self.path / "result.json"
         self.best = self.path / "best.toml"
         self.figures = self.path / "figures"
         self.checkpoints = self.path / "checkpoints"
-        self._columns: list[str] = []
+        self.changes: list[str] = []
+        self._lock = filelock.FileLock(self.path / ".lock", timeout=0)
         self._written: set[tuple[str, ...]] = set()
 
     @classmethod
-    def open(cls, path: str | Path, config: Any, resume: bool) -> "RunFolder":
-        """A new folder for the settings `config` (a dataclass), or with `resume` that of an equal run.
+    def open(
+        cls, path: str | Path, tables: Mapping[str, Any], resume: bool, about: Mapping[str, str] | None = None
+    ) -> "RunFolder":
+        """A new folder, or with `resume` that of an equal run; it stays locked against other processes until `close`.
 
-        Raises `InputError`, and leaves what is there as it is, if a new run would overwrite something, there
-        is no run to resume or it has other settings, or the folder cannot be written.
+        `tables` are the dataclasses that the run is made of, each kept as NAME.toml, "config" among them. `about` is what
+        may change the last digits of a result (versions, devices): a resume lists in `changes` what has changed of it.
+        Raises `InputError`, and leaves what is there as it is, if a new run would overwrite something, there is no run to
+        resume or it has other settings or a history of other columns, another process is at work in the folder, or it
+        cannot be written.
         """
         folder = cls(Path(path))
         with _using(folder.path):
-            if resume:
-                folder._require_run_of(config)
-                folder._read_history()
-            else:
-                folder._require_empty()
-                folder.path.mkdir(parents=True, exist_ok=True)
-                dump(config, folder.config)
+            folder._require(tables, resume)
+            folder.path.mkdir(parents=True, exist_ok=True)
+            folder._take()
+            folder._require(tables, resume)  # again: another process may have been here before the lock
+            folder._compare(about or {}) if resume else folder._begin(tables, about or {})
             folder.figures.mkdir(exist_ok=True)
             folder.checkpoints.mkdir(exist_ok=True)
         return folder
 
+    def close(self) -> None:
+        """Let other processes have the folder."""
+        self._lock.release()
+
     def save(self, stage: str, tree: Any) -> None:
-        """Checkpoint a pytree of arrays; the stage's earlier one goes once this one is complete.
+        """Checkpoint a pytree of arrays (without a number there is none); the earlier one goes once this one is complete.
 
         Raises `InputError` if it cannot be written.
         """
         folder = self._stage_folder(stage)
         newest = _newest(folder)
         arrays = {name: np.asarray(leaf) for name, leaf in _named_leaves(tree).items() if np.size(leaf)}
+        if not arrays:
+            return
         with _using(folder):
             folder.mkdir(parents=True, exist_ok=True)
             _remove_all_but(newest, folder)  # what a killed save left
-            _checkpointer().save(folder / str(newest + 1), arrays)
+            _write_checkpoint(folder / str(newest + 1), arrays)
             _remove_all_but(newest + 1, folder)
 
     def load(self, stage: str, like: Tree) -> Tree | None:
@@ -89,7 +106,7 @@ class RunFolder:
             return None
         try:
             saved = _checkpointer().restore(folder / str(newest))
-        except (OSError, ValueError, KeyError) as error:
+        except Exception as error:  # a damaged checkpoint fails in orbax in any way
             raise InputError(f"{folder}: cannot be read; delete it to run the stage again") from error
         leaves = _named_leaves(like)
         _require_same_arrays(saved, leaves, folder)
@@ -99,49 +116,81 @@ class RunFolder:
     def append_history(self, row: Mapping[str, Any]) -> None:
         """Add a row to history.csv, unless its (kind, stage, step) is there: a resumed run repeats steps.
 
-        What is not finite becomes an empty cell. Raises `InputError` if the columns are not those of the
-        first row, or the file cannot be written.
+        What is not finite becomes an empty cell. Raises `InputError` if the file cannot be written.
         """
         key = tuple(str(row[name]) for name in HISTORY_KEY)
         if key in self._written:
             return
-        if self._columns and list(row) != self._columns:
-            raise InputError(f"{self.history}: has the columns {self._columns}, but must have {list(row)}")
-        header = [] if self._columns else [list(row)]
+        header = [] if self._written else [HISTORY]
         with _using(self.history), self.history.open("a", newline="", encoding="utf-8") as file:
-            csv.writer(file, lineterminator="\n").writerows([*header, _plain(list(row.values()))])
-        self._columns = list(row)
+            csv.writer(file, lineterminator="\n").writerows([*header, _plain([row[name] for name in HISTORY])])
         self._written.add(key)
 
     def write_result(self, result: Mapping[str, Any]) -> None:
         """Write result.json, null for what is not finite. Raises `InputError` if it cannot be written."""
         write_whole(self.result, json.dumps(_plain(result), indent=2, allow_nan=False) + "\n")
 
-    def _require_empty(self) -> None:
+    def _require(self, tables: Mapping[str, Any], resume: bool) -> None:
+        if not resume:
+            return self._require_empty(tables)
+        if not self.config.exists():
+            raise InputError(f"{self.path}: holds no run to resume (no config.toml); leave out --resume")
+        for name, table in tables.items():
+            self._require_equal(self.path / f"{name}.toml", table)
+        self._history_rows()
+
+    def _require_empty(self, tables: Mapping[str, Any]) -> None:
         if self.config.exists():
             advice = "give another --out, or --resume to continue it"
             raise InputError(f"{self.path}: already holds a run; {advice}")
-        if self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
+        if self.path.exists() and (not self.path.is_dir() or not self._is_ours(tables)):
             raise InputError(f"{self.path}: is not a run folder, nor empty; give another --out")
 
-    def _require_run_of(self, config: Any) -> None:
-        if not self.config.exists():
-            raise InputError(f"{self.path}: holds no run to resume (no config.toml); leave out --resume")
-        before, now = _dotted(to_table(load(type(config), self.config))), _dotted(to_table(config))
+    def _is_ours(self, tables: Mapping[str, Any]) -> bool:
+        """Whether a folder without a config.toml holds no more than a kill at the very beginning leaves."""
+        names = {"about.json", *(f"{name}.toml" for name in tables)}
+        begun = (re.sub(r"^\.[0-9]+\.", "", path.name) for path in self.path.iterdir())  # a half-written file: `replace_whole`
+        return {".lock", *names}.issuperset(begun)
+
+    def _take(self) -> None:
+        try:
+            self._lock.acquire()
+        except filelock.Timeout as error:
+            raise InputError(f"{self.path}: another process is at work in this folder; give another --out") from error
+
+    def _begin(self, tables: Mapping[str, Any], about: Mapping[str, str]) -> None:
+        write_whole(self.about, json.dumps(about, indent=2) + "\n")
+        for name in sorted(tables, key="config".__eq__):  # config.toml last: it makes the folder a run's
+            dump(tables[name], self.path / f"{name}.toml")
+
+    def _compare(self, about: Mapping[str, str]) -> None:
+        try:
+            before = json.loads(self.about.read_text("utf-8"))
+            self.changes = [f"{name} {before[name]}, now {about[name]}" for name in about if before[name] != about[name]]
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{self.about}: is not what a run writes there; restore it or give another --out") from error
+        whole = self._history_rows()
+        self._written = {tuple(row[:3]) for row in csv.reader(io.StringIO(whole, newline=""))}
+        if self.history.exists() and whole != self.history.read_text("utf-8", "replace"):  # a kill cut the last row
+            write_whole(self.history, whole)
+
+    def _require_equal(self, path: Path, table: Any) -> None:
+        before, now = _dotted(to_table(load(type(table), path))), _dotted(to_table(table))
         for key in {**now, **before}:
             old, new = before.get(key, "not set"), now.get(key, "not set")
             if old != new:
                 words = f"{key} is {old!r} in this run, but {new!r} now"
-                raise InputError(f"{self.config}: {words}; resume with its settings or give another --out")
+                raise InputError(f"{path}: {words}; resume with its settings or give another --out")
 
-    def _read_history(self) -> None:
+    def _history_rows(self) -> str:
+        """The whole rows of history.csv. Raises `InputError` if it is another's."""
         text = self.history.read_text("utf-8", "replace") if self.history.exists() else ""
         whole = text[: text.rfind("\n") + 1]
-        if whole != text:  # a kill cut the last row
-            write_whole(self.history, whole)
-        reader = csv.DictReader(io.StringIO(whole, newline=""))
-        self._columns = list(reader.fieldnames or [])
-        self._written = {tuple(row.get(name, "") for name in HISTORY_KEY) for row in reader}
+        header = whole.partition("\n")[0]
+        if whole and header != ",".join(HISTORY):
+            words = f"has the columns {header[:60]!r}, but must have {','.join(HISTORY)!r}"
+            raise InputError(f"{self.history}: {words}; restore it or delete it")
+        return whole
 
     def _stage_folder(self, stage: str) -> Path:
         return self.checkpoints / quote(stage, safe="").replace(".", "%2E")  # quote leaves ".." as it is
@@ -162,14 +211,21 @@ def _checkpointer() -> Any:
     return ocp.Checkpointer(ocp.StandardCheckpointHandler())
 
 
+def _write_checkpoint(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    try:
+        _checkpointer().save(path, arrays)
+    except Exception as error:  # orbax raises anything for a disk that is full
+        raise InputError(f"{path}: cannot be written: {str(error).strip().splitlines()[0][:200]}") from error
+
+
 def _newest(folder: Path) -> int:
     """Number of the stage's last complete checkpoint (orbax renames it when it is), 0 if there is none."""
-    return max((int(path.name) for path in folder.glob("*") if path.name.isdigit()), default=0)
+    return max((int(path.name) for path in folder.glob("*") if re.fullmatch("[1-9][0-9]*", path.name)), default=0)
 
 
 def _remove_all_but(number: int, folder: Path) -> None:
     for path in folder.iterdir():
-        if path.name != str(number):
+        if path.is_dir() and re.match("[0-9]", path.name) and path.name != str(number):
             shutil.rmtree(path)
 
 

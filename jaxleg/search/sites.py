@@ -1,5 +1,6 @@
 """The terrains of a study: training and held-out ones of each kind, with the cells where a foot may be placed."""
 
+import dataclasses
 import functools
 
 import jax
@@ -23,16 +24,30 @@ def share(total: int, kinds: int, index: int) -> int:
 
 
 def make_sites(study: Study, foot_radius: float, kind: str, held_out: bool) -> Site:
-    """All training or held-out sites of a kind, with a leading axis; difficulties evenly spread over the kind's range."""
+    """All training or held-out sites of a kind, with a leading axis; difficulties evenly spread over the kind's range.
+
+    Copies of one ground, as of a kind that nothing is random in, are left out: they would be counted as so many.
+    """
     names = list(study.kinds)
     total = study.terrains.held_out if held_out else study.terrains.train
     count = share(total, len(names), names.index(kind))
     table, maps = study.kinds[kind], study.terrains
     key = jax.random.fold_in(jax.random.key(study.seed), names.index(kind))
-    settings = TerrainSettings(table.rise, table.run, 0.0, table.amplitude, table.correlation_length)
     difficulties = jnp.asarray(_spread(table, count), float)
     first = HELD_OUT if held_out else 0
-    return _build(table.generator, grid(study), first, settings, foot_radius, maps, key, difficulties)
+    sites = _build(table.generator, grid(study), first, terrain_settings(table), foot_radius, maps, key, difficulties)
+    return jax.tree.map(lambda x: x[_first_of_each(np.asarray(sites.terrain.elevation))], sites)
+
+
+def terrain_settings(kind: Kind) -> TerrainSettings:
+    """What a kind's generator makes at difficulty 1."""
+    return TerrainSettings(**{field.name: getattr(kind, field.name) for field in dataclasses.fields(TerrainSettings)})
+
+
+def _first_of_each(rows: np.ndarray) -> np.ndarray:
+    """Indices of the rows that no earlier row equals."""
+    found = {row.tobytes(): i for i, row in reversed(list(enumerate(rows)))}
+    return np.array(sorted(found.values()), int)
 
 
 @functools.partial(jax.jit, static_argnums=range(6))

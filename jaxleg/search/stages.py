@@ -116,8 +116,8 @@ def polish(state: Run, group: tuple[str, ...], training: dict[str, Lanes], best:
 
 
 def spread(lanes: Lanes, count: int) -> Lanes:
-    """`count` lanes spread evenly over all, each again from the start where there are fewer."""
-    return lanes.take(np.linspace(0, lanes.number - 1, count).round().astype(int))
+    """`count` lanes spread evenly over all, or all where there are fewer."""
+    return lanes.take(np.linspace(0, lanes.number - 1, min(count, lanes.number)).round().astype(int))
 
 
 def judge(objective: Callable[..., np.ndarray], vectors: np.ndarray, lanes: Lanes) -> np.ndarray:

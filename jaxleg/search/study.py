@@ -5,11 +5,11 @@ reaches the same answer.
 """
 
 import time
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
+from jaxleg.about import about
 from jaxleg.robot import Robot
 from jaxleg.search.config import BASELINES, PARAMETERS, Study, bounds
 from jaxleg.search.contest import active_constraints, nested, savings, summary
@@ -31,6 +31,7 @@ def run(study: Study, robot: Robot, folder: RunFolder, report: Report) -> tuple[
     groups = [state.kinds] if study.one_for_all else [(kind,) for kind in state.kinds]
     for group in groups:
         training = {kind: training_lanes(state, kind) for kind in group}
+        state.trained |= {kind: lanes.number for kind, lanes in training.items()}
         best = rank(state, group, training, search_group(state, group, training))
         best = polish(state, group, training, best)
         chosen |= dict.fromkeys(group, best)
@@ -67,6 +68,12 @@ def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -
         for kind in state.kinds
     }
 
+    counts = {  # of terrains that differ
+        "train": state.trained,
+        "held_out": {kind: held[kind].fell.shape[1] for kind in state.kinds},
+        "referee": {kind: replays[kind].fell.shape[1] for kind in state.kinds},
+    }
+
     def against(base: str) -> dict[str, Any]:
         engines = {"mjx": held, "mujoco": replays}
         return {
@@ -88,11 +95,10 @@ def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -
         "least_knee_bend_deg": {kind: study.kinds[kind].least_knee_bend_deg for kind in state.kinds},
         "timing": state.seconds,
         "terrains": {
-            "train": study.terrains.train,
-            "held_out": study.terrains.held_out,
-            "referee": sum(replays[kind].fell.shape[1] for kind in state.kinds),
+            **{use: sum(numbers.values()) for use, numbers in counts.items()},
+            "by_kind": counts,
             "cycles": CYCLES,
         },
         "seed": study.seed,
-        "versions": {name: version(name) for name in ("jaxleg", "jax", "mujoco", "mujoco-mjx", "numpy", "optax")},
+        **about(),
     }

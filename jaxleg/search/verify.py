@@ -13,7 +13,7 @@ from jaxleg.search.contest import Contest, contest
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import CONSTRAINTS, Setting
 from jaxleg.search.run import CONTESTANTS, STAGES, UNBOUND, Run, contestants
-from jaxleg.search.sites import make_sites
+from jaxleg.search.sites import make_sites, share
 
 
 def held_out_lanes(state: Run, kind: str, best: np.ndarray) -> tuple[np.ndarray, Lanes]:
@@ -60,11 +60,11 @@ def check_proxy(state: Run) -> dict[str, Any]:
     """Proxy against simulation over random feasible gaits, in equal shares on the kinds that are not stairs."""
     began, study = time.perf_counter(), state.study
     kinds = [kind for kind in state.kinds if study.kinds[kind].generator != "stairs"] or list(state.kinds)
-    count = study.search.proxy_gaits // len(kinds)
+    counts = [share(study.search.proxy_gaits, len(kinds), i) for i in range(len(kinds))]
 
     def compute() -> agreement.Agreement:
         parts = []
-        for kind in kinds:
+        for kind, count in zip(kinds, counts):
             site = make_sites(study, float(state.robot.foot_radius), kind, held_out=False)
             size = site.valid.shape[0]
             bend = np.deg2rad(study.kinds[kind].least_knee_bend_deg)
@@ -76,7 +76,7 @@ def check_proxy(state: Run) -> dict[str, Any]:
         lanes = jax.tree.map(lambda *x: jnp.concatenate(x), *(part[1] for part in parts))
         return agreement.compare(state.lab, vectors, lanes, parts[0][2])
 
-    like = empty_agreement(count * len(kinds))
+    like = empty_agreement(study.search.proxy_gaits)
     result = agreement.agreement(state.remember("proxy", like, compute))
     state.clock("proxy", began)
     state.tell(10.0, "proxy compared with simulation")
@@ -92,14 +92,11 @@ def empty_agreement(count: int) -> agreement.Agreement:
 
 
 def referee(state: Run, kind: str, best: np.ndarray) -> Contest:
-    """Replay contestants on some held-out terrains in C MuJoCo."""
+    """Replay contestants on the kind's share of the referee's terrains, held-out ones, in C MuJoCo."""
     began, study = time.perf_counter(), state.study
-    count = min(
-        study.search.referee_terrains // len(state.kinds),
-        make_sites(study, float(state.robot.foot_radius), kind, held_out=True).valid.shape[0],
-    )
     vectors, lanes = held_out_lanes(state, kind, best)
     total = len(vectors) // len(CONTESTANTS)
+    count = min(share(study.search.referee_terrains, len(state.kinds), state.kinds.index(kind)), total)
     pick = np.linspace(0, total - 1, count).round().astype(int)
     index = (np.arange(len(CONTESTANTS))[:, None] * total + pick).reshape(-1)
     result = state.remember(

@@ -47,6 +47,8 @@ def replay(
     A lane falls if it ends up tilted by more than 45 degrees, its trunk sinks below half its height, or it is not finite. Where
     a reference is not finite, the control is 0: the robot sinks down.
     """
+    if not references:
+        return []
     models = [build_model(robot, terrain, friction) for terrain in terrains]
     tracks = [controls(robot, reference) for reference in references]
     steps = max(len(track) for track in tracks)

@@ -115,9 +115,7 @@ def feet_cost(
     return jnp.mean(window_means(cost, resolution, settings), axis=1)
 
 
-def least_footing(
-    valid: Bool[Array, "nx ny"], resolution: float, settings: FeetSettings
-) -> Float[Array, "heading nx ny"]:
+def least_footing(valid: Bool[Array, "nx ny"], resolution: float, settings: FeetSettings) -> Float[Array, "heading nx ny"]:
     """Share of cells where a foot may stand in the window of the leg that has the fewest, as `feet_cost`'s."""
     share = valid.astype(jnp.result_type(float))
     return jnp.min(window_means(lambda leg, turn: share, resolution, settings), axis=1)

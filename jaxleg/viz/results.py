@@ -28,7 +28,8 @@ def energy(result: Mapping[str, Any], path: str | Path) -> None:
     for ax, kind in zip(axes, kinds):
         ends = [_energy_row(ax, y, result, name, kind) for y, name in enumerate(NAMES)]
         ax.set_xlim(0.0, max(1.0, *ends))
-        label(ax, "energy [J/m]", "", kind)
+        number = result["terrains"]["by_kind"]["held_out"][kind]
+        label(ax, "energy [J/m]", "", f"{kind}, {number} terrain{'s' if number > 1 else ', no interval'}")
         ax.tick_params(axis="y", length=0)
     axes[0].set_yticks(range(len(NAMES)), NAMES.values())
     axes[0].invert_yaxis()
@@ -44,9 +45,9 @@ def _energy_row(ax: Axes, y: int, result: Mapping[str, Any], name: str, kind: st
         why = "all failed" if result[name][kind]["falls"] else "infeasible"
         ax.text(0.03, y, why, transform=ax.get_yaxis_transform(), va="center", fontsize=9)
         return 0.0
-    low, high = row[power]["ci95"]
+    low, high = row[power]["ci95"] or (mean, mean)  # a single terrain has no interval
     reach = [[max(mean - low, 0.0)], [max(high - mean, 0.0)]]  # rounding may put equal lanes outside
-    ax.barh(y, mean, height=0.72, color=CONTESTANT_COLOUR[name], xerr=reach, capsize=3)
+    ax.barh(y, mean, height=0.72, color=CONTESTANT_COLOUR[name], xerr=reach if row[power]["ci95"] else None, capsize=3)
     for convention in CONVENTIONS:
         if convention != power:
             ax.plot(row[convention]["mean"], y, OTHER_MARKER[convention], **OTHER_STYLE)
@@ -61,8 +62,10 @@ def _energy_text(result: Mapping[str, Any], name: str, kind: str) -> str:
     row, lines = result[name][kind], []
     saved = result["saving"]["mjx"].get(name, {}).get(kind, {}).get(result["power"])
     if saved and saved["mean"] is not None:
-        low, high = (100.0 * x for x in saved["ci95"])
-        lines = [f"saves {100.0 * saved['mean']:.1f} %", f"({low:.1f} to {high:.1f})"]
+        lines = [f"saves {100.0 * saved['mean']:.1f} %"]
+        if saved["ci95"] is not None:
+            low, high = (100.0 * x for x in saved["ci95"])
+            lines += [f"({low:.1f} to {high:.1f})"]
     lost = row["falls"] + row["infeasible"]
     return "\n".join(lines + [f"{lost} of {row['lanes']} failed"] * bool(lost))
 

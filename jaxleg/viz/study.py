@@ -1,5 +1,7 @@
 """The figures of a study's run folder, from its result and its history."""
 
+import functools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,22 +17,31 @@ from jaxleg.search.sites import make_sites
 from jaxleg.viz.figures import energy, gait, history, parameters, torque_maps
 
 
-def draw_study(study: Study, lab: Lab, result: dict[str, Any], history_file: Path, folder: Path) -> None:
-    """Torque maps, energies, search history, parameters in their bounds, and the best gait on a terrain of each kind."""
+def study_pictures(study: Study, lab: Lab, result: dict[str, Any], history_file: Path) -> dict[str, Callable[[Path], None]]:
+    """Torque maps, energies, search history, parameters in their bounds, and the best gait on a terrain of each kind.
+
+    By file name, the functions that draw them to a path.
+    """
     first = next(iter(study.kinds))
     before, after = (result[name][first]["params"] for name in ("traditional", "best"))
-    torque_maps(lab.robot, before, after, folder / "torque_maps.png")
-    energy(result, folder / "energy.png")
-    history(history_file, folder / "history.png")
-    parameters(result, folder / "parameters.png")
     plan = jax.jit(lambda vector, site, bend: _plan(lab, vector, site, bend))
-    for kind, table in study.kinds.items():
-        sites = make_sites(study, float(lab.robot.foot_radius), kind, held_out=True)
-        site = jax.tree.map(lambda x: x[-1], sites)
-        vector = jnp.asarray([result["best"][kind]["params"][name] for name in PARAMETERS], float)
-        walk, track = plan(vector, site, jnp.asarray(np.deg2rad(table.least_knee_bend_deg), float))
-        if np.isfinite(np.asarray(track.joint_torque)).all():
-            gait(lab.robot, walk, track, site.terrain, folder / f"gait_{kind}.png")
+    return {
+        "torque_maps.png": functools.partial(torque_maps, lab.robot, before, after),
+        "energy.png": functools.partial(energy, result),
+        "history.png": functools.partial(history, history_file),
+        "parameters.png": functools.partial(parameters, result),
+        **{f"gait_{kind}.png": functools.partial(_best_gait, study, lab, result, plan, kind) for kind in study.kinds},
+    }
+
+
+def _best_gait(study: Study, lab: Lab, result: dict[str, Any], plan: Callable[..., Any], kind: str, path: Path) -> None:
+    """The best gait on the last held-out terrain of a kind; no picture where it cannot be planned."""
+    sites = make_sites(study, float(lab.robot.foot_radius), kind, held_out=True)
+    site = jax.tree.map(lambda x: x[-1], sites)
+    vector = jnp.asarray([result["best"][kind]["params"][name] for name in PARAMETERS], float)
+    walk, track = plan(vector, site, jnp.asarray(np.deg2rad(study.kinds[kind].least_knee_bend_deg), float))
+    if np.isfinite(np.asarray(track.joint_torque)).all():
+        gait(lab.robot, walk, track, site.terrain, path)
 
 
 def _plan(lab: Lab, vector: jax.Array, site: Any, bend: jax.Array) -> tuple[Walk, Reference]:

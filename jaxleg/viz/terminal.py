@@ -47,7 +47,7 @@ def progress(console: Console, total: float) -> Generator[Callable[[float, str],
 def result_table(result: dict[str, Any]) -> Table:
     """Energy per metre, savings with 95 % intervals and what was lost on the way, a row a contestant and kind of terrain."""
     power = result["power"]
-    title = f"held-out terrains, {result['speed']:g} m/s, {power} power, savings in % with 95 % intervals"
+    title = f"held-out terrains (their number), {result['speed']:g} m/s, {power} power, savings in % with 95 % intervals"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     for column in ("terrain", "contestant"):
         table.add_column(column, no_wrap=True)
@@ -55,9 +55,15 @@ def result_table(result: dict[str, Any]) -> Table:
         table.add_column(column, justify="right", overflow="fold")
     for kind in result["bounds"]:
         for name, label in NAMES.items():
-            first = kind if name == "traditional" else ""
+            first = kind_and_number(result, kind) if name == "traditional" else ""
             table.add_row(first, label, *_cells(result, name, kind, power), end_section=name == "best")
     return table
+
+
+def kind_and_number(result: dict[str, Any], kind: str) -> str:
+    """A kind of terrain and how many different ones the contestants were compared on."""
+    number = result["terrains"]["by_kind"]["held_out"][kind]
+    return f"{kind} ({number})"
 
 
 def _cells(result: dict[str, Any], name: str, kind: str, power: str) -> list[str]:
@@ -73,8 +79,11 @@ def _cells(result: dict[str, Any], name: str, kind: str, power: str) -> list[str
 def _percent(saved: dict[str, Any], intervals: bool) -> str:
     if saved["mean"] is None:
         return "none"
-    mean, low, high = (f"{100.0 * x:.1f}" for x in (saved["mean"], *saved["ci95"]))
-    return f"{mean} [{low}, {high}]" if intervals and low != high else mean
+    mean = f"{100.0 * saved['mean']:.1f}"
+    if not intervals or saved["ci95"] is None:
+        return mean
+    low, high = (f"{100.0 * x:.1f}" for x in saved["ci95"])
+    return f"{mean} [{low}, {high}]"
 
 
 def _number(value: float | None, form: str) -> str:

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.search.batches import over_lanes
+from jaxleg.search.batches import layout, over_lanes
 
 
 def test_lanes_are_shared_out_over_all_devices():
@@ -23,3 +23,26 @@ def test_the_cut_changes_no_lane(chunk, count):
 def test_gradients_pass_through():
     x = np.linspace(0.1, 1.0, 7)
     np.testing.assert_allclose(over_lanes(jax.grad(jnp.log), 2)(x), 1.0 / x, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("count", "most", "wanted"), [(0, 8, (1, 1)), (1, 8, (1, 1)), (3, 8, (2, 2)), (17, 8, (5, 2)), (200, 8, (8, 2))]
+)
+def test_layout_asks_for_hardly_more_lanes_than_there_are(count, most, wanted):
+    assert layout(count, most) == wanted
+
+
+def test_a_single_lane_is_worked_out_once():
+    """Not on every device, nor a whole chunk of it: a large map would not fit."""
+    seen = []
+    lane = lambda x: jax.pure_callback(lambda y: seen.append(y.shape) or y, x, x, vmap_method="broadcast_all")  # noqa: E731
+    over_lanes(lane, *layout(1, 8))(np.ones((1, 3)))
+    assert seen == [(1, 3)]
+
+
+def test_no_lanes_give_empty_results():
+    lane = lambda x: {"sum": jnp.sum(x["a"]), "flag": x["a"] > 0.0}  # noqa: E731
+    empty = over_lanes(lane, 8)({"a": np.ones((0, 3))})
+    assert empty["sum"].shape == (0,)
+    assert empty["flag"].shape == (0, 3)
+    assert empty["flag"].dtype == bool

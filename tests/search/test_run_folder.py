@@ -5,6 +5,8 @@ import dataclasses
 import json
 import multiprocessing
 import os
+import resource
+import sys
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -39,13 +41,14 @@ class State(NamedTuple):
 
 
 CONFIG = Study()
+NEW = ["about.json", "checkpoints", "config.toml", "figures"]
 
 
 def refusal(path: Path, config: Study = CONFIG, resume: bool = False) -> str:
     """The sentence with which opening is refused, having changed nothing."""
     before = contents(path.parent)
     with pytest.raises(InputError) as caught:
-        RunFolder.open(path, config, resume)
+        RunFolder.open(path, {"config": config}, resume)
     assert contents(path.parent) == before
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
@@ -59,11 +62,12 @@ def contents(folder: Path) -> dict[str, bytes | None]:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> RunFolder:
-    return RunFolder.open(tmp_path / "deep" / "run", CONFIG, resume=False)
+    return RunFolder.open(tmp_path / "deep" / "run", {"config": CONFIG}, resume=False)
 
 
 def again(folder: RunFolder) -> RunFolder:
-    return RunFolder.open(folder.path, CONFIG, resume=True)
+    folder.close()
+    return RunFolder.open(folder.path, {"config": CONFIG}, resume=True)
 
 
 def state(seed: int = 0) -> State:
@@ -81,12 +85,12 @@ def assert_same(found: Any, wanted: Any) -> None:
 
 
 def test_new_folder(folder: RunFolder) -> None:
-    assert sorted(path.name for path in folder.path.iterdir()) == ["checkpoints", "config.toml", "figures"]
+    assert sorted(path.name for path in folder.path.iterdir() if path.name != ".lock") == NEW
     assert load(Study, folder.config) == CONFIG
 
 
 def test_empty_folder_is_used(tmp_path: Path) -> None:
-    assert RunFolder.open(str(tmp_path), CONFIG, resume=False).config.exists()
+    assert RunFolder.open(str(tmp_path), {"config": CONFIG}, resume=False).config.exists()
 
 
 def test_run_is_not_overwritten(folder: RunFolder) -> None:
@@ -122,6 +126,84 @@ def test_resume_with_other_settings(folder: RunFolder, config: Study, parts: lis
     assert [part for part in [*parts, "config.toml", "--out"] if part not in message] == []
 
 
+@pytest.mark.parametrize("left", [[], [".lock", "about.json"], [".4711.config.toml", "about.json", "robot.toml"]])
+def test_what_a_kill_at_the_very_beginning_leaves_is_begun_anew(tmp_path: Path, left: list[str]) -> None:
+    (tmp_path / "run").mkdir()
+    for name in left:
+        (tmp_path / "run" / name).touch()
+    tables = {"config": CONFIG, "robot": Search()}
+    assert "holds no run to resume" in refusal(tmp_path / "run", resume=True)
+    assert RunFolder.open(tmp_path / "run", tables, resume=False).config.exists()
+
+
+def test_one_process_at_a_time(folder: RunFolder) -> None:
+    sentence = "another process is at work in this folder"
+    assert sentence in refusal(folder.path, resume=True)
+    process = multiprocessing.get_context("spawn").Process(target=save_for_ever, args=(folder.path,))
+    process.start()
+    process.join()
+    assert process.exitcode != 0
+    assert newest(folder.checkpoints / "s") == 0
+    again(folder)
+
+
+def test_a_changed_robot_is_noticed(tmp_path: Path) -> None:
+    tables = {"config": CONFIG, "robot": Search(8)}
+    RunFolder.open(tmp_path, tables, resume=False).close()
+    with pytest.raises(InputError, match=r"robot.toml: starts is 8 in this run, but 9 now"):
+        RunFolder.open(tmp_path, tables | {"robot": Search(9)}, resume=True)
+    RunFolder.open(tmp_path, tables, resume=True).close()
+
+
+def test_changed_versions_are_told(tmp_path: Path) -> None:
+    RunFolder.open(tmp_path, {"config": CONFIG}, False, {"jax": "1", "devices": "2"}).close()
+    folder = RunFolder.open(tmp_path, {"config": CONFIG}, True, {"jax": "1", "devices": "1"})
+    assert folder.changes == ["devices 2, now 1"]
+
+
+@pytest.mark.parametrize("name", ["²", "٣", "01", "1x", "-1"])
+def test_folders_that_are_no_checkpoints(folder: RunFolder, name: str) -> None:
+    (folder.checkpoints / "s" / name).mkdir(parents=True)
+    assert folder.load("s", state()) is None
+    folder.save("s", state(1))
+    assert_same(folder.load("s", state()), state(1))
+
+
+def fill_the_disk(path: Path, what: str) -> None:
+    """A full disk for this process: no file may grow."""
+    folder = RunFolder.open(path, {"config": CONFIG}, resume=True)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+    writes = {
+        "checkpoint": lambda: folder.save("s", state(2)),
+        "history": lambda: folder.append_history(step(2)),
+        "result": lambda: folder.write_result({"new": 2}),
+    }
+    try:
+        writes[what]()
+    except InputError as error:
+        sys.exit(0 if "cannot be" in str(error) and "\n" not in str(error) else 3)
+    sys.exit(4)
+
+
+@pytest.mark.parametrize("what", ["checkpoint", "history", "result"])
+def test_a_full_disk_is_one_sentence_and_loses_nothing(folder: RunFolder, what: str) -> None:
+    folder.save("s", state(1))
+    folder.append_history(step(1))
+    folder.write_result({"old": 1})
+    folder.close()
+    before = contents(folder.path)
+    process = multiprocessing.get_context("spawn").Process(target=fill_the_disk, args=(folder.path, what))
+    process.start()
+    process.join()
+    assert process.exitcode == 0
+    after = contents(folder.path)
+    assert {name: after.get(name) for name in before} == before
+    folder = again(folder)
+    assert_same(folder.load("s", state()), state(1))
+    folder.save("s", state(2))
+    assert_same(folder.load("s", state()), state(2))
+
+
 def test_resume_with_a_broken_config(folder: RunFolder) -> None:
     folder.config.write_text("name = ")
     assert "not valid TOML" in refusal(folder.path, resume=True)
@@ -148,7 +230,7 @@ def test_stage_names_are_one_folder_each(folder: RunFolder, stage: str) -> None:
     folder.save(stage, np.ones(2))
     assert len(list(folder.checkpoints.iterdir())) == 2
     np.testing.assert_array_equal(folder.load(stage, np.zeros(2)), np.ones(2))
-    assert sorted(path.name for path in folder.path.iterdir()) == ["checkpoints", "config.toml", "figures"]
+    assert sorted(path.name for path in folder.path.iterdir() if path.name != ".lock") == NEW
 
 
 @pytest.mark.parametrize(
@@ -191,7 +273,7 @@ def rows(folder: RunFolder) -> list[dict[str, str]]:
 
 
 def step(number: int, cost: Any = 1.0) -> dict[str, Any]:
-    return {"kind": "descent", "stage": "flat, iii", "step": number, "cost": cost}
+    return {"kind": "descent", "stage": "flat, iii", "step": number, "best": cost, "mean": 2.0, "seconds": 0.1}
 
 
 def test_history_keeps_each_step_once_over_resumes(folder: RunFolder) -> None:
@@ -201,7 +283,7 @@ def test_history_keeps_each_step_once_over_resumes(folder: RunFolder) -> None:
     resumed = again(folder)
     for number in range(1, 5):
         resumed.append_history(step(number, 2.0))
-    assert [(row["step"], row["cost"]) for row in rows(folder)] == [
+    assert [(row["step"], row["best"]) for row in rows(folder)] == [
         ("0", "1.0"), ("1", "1.0"), ("2", "1.0"), ("3", "2.0"), ("4", "2.0"),
     ]  # fmt: skip
     assert rows(folder)[0]["stage"] == "flat, iii"
@@ -211,7 +293,7 @@ def test_history_cells_are_exact(folder: RunFolder) -> None:
     values = [0.1 + 0.2, np.float64(1 / 3), np.float32(0.1), jnp.asarray(7), float("nan")]
     for number, value in enumerate(values):
         folder.append_history(step(number, value))
-    cells = [row["cost"] for row in rows(folder)]
+    cells = [row["best"] for row in rows(folder)]
     assert [float(cell) for cell in cells[:3]] == [0.1 + 0.2, 1 / 3, float(np.float32(0.1))]
     assert cells[3:] == ["7", ""]
 
@@ -229,9 +311,11 @@ def test_history_row_cut_by_a_kill_is_written_again(folder: RunFolder, cut: int)
 
 
 def test_history_with_other_columns(folder: RunFolder) -> None:
-    folder.append_history(step(0))
-    with pytest.raises(InputError, match=r"history.csv: has the columns .*'cost'.* must have .*'loss'"):
-        again(folder).append_history({"kind": "a", "stage": "b", "step": 1, "loss": 0.0})
+    """Before any work: a resume would otherwise find out after minutes."""
+    folder.history.write_text("kind,stage,step,loss\na,b,1,0.0\n")
+    with pytest.raises(InputError, match=r"history.csv: has the columns .*loss.* must have .*mean"):
+        again(folder)
+    assert folder.history.read_text().endswith("0.0\n")
 
 
 def test_result(folder: RunFolder) -> None:
@@ -247,20 +331,21 @@ def test_result(folder: RunFolder) -> None:
     found = json.loads(folder.result.read_text())
     assert found == {"z": 0.1 + 0.2, "a": [0.5, None], "n": {"nan": None}, "j": [1, 2], "t": [True]}
     assert list(found) == list(result)
-    assert not list(folder.path.glob(".*"))
+    assert [path.name for path in folder.path.glob(".*")] == [".lock"]
 
 
 def newest(stage: Path) -> int:
-    return max((int(path.name) for path in stage.glob("*") if path.name.isdigit()), default=0)
+    return max((int(path.name) for path in stage.glob("*") if path.name.isdecimal()), default=0)
 
 
 def save_for_ever(path: Path) -> None:
-    folder = RunFolder.open(path, CONFIG, resume=True)
+    folder = RunFolder.open(path, {"config": CONFIG}, resume=True)
     for number in range(10**6):
         folder.save("s", state(number))
 
 
 def test_kill_while_saving_leaves_a_whole_checkpoint(folder: RunFolder) -> None:
+    folder.close()
     process = multiprocessing.get_context("spawn").Process(target=save_for_ever, args=(folder.path,))
     process.start()
     while process.is_alive() and newest(folder.checkpoints / "s") < 3:
@@ -268,7 +353,8 @@ def test_kill_while_saving_leaves_a_whole_checkpoint(folder: RunFolder) -> None:
     assert process.is_alive()
     process.kill()
     process.join()
-    found = again(folder).load("s", state())
+    folder = again(folder)
+    found = folder.load("s", state())
     assert_same(found, state(int(found.step)))
     folder.save("s", state(5))
     assert_same(folder.load("s", state()), state(5))

@@ -1,0 +1,123 @@
+"""A tiny search of three kinds, in float32 as users run it: killed after any stage it goes on to the same answer."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from jaxleg.robot import RobotFile, build_robot
+from jaxleg.search import run as runs
+from jaxleg.search.config import Kind, Search, Simulation, Study, Terrains
+from jaxleg.search.run_folder import RunFolder
+from jaxleg.search.study import run
+from jaxleg.settings import load
+
+ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
+STUDY = Study(
+    kinds={"flat": Kind(least_knee_bend_deg=35.0), "rough": Kind("rough"), "stairs": Kind("stairs")},
+    terrains=Terrains(train=6, held_out=6, cells=(56, 26), resolution=0.04),
+    search=Search(
+        starts=2, steps=11, candidates=1, rank_lanes=2, polish_steps=1, polish_lanes=2, proxy_gaits=4, referee_terrains=2
+    ),
+    simulation=Simulation(shift_samples=20, swing_samples=16, steps=3, chunk=4),
+)
+
+pytestmark = pytest.mark.slow
+
+
+class Killed(BaseException):
+    """Where a kill strikes."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def single():
+    """float32; conftest.py asks for float64."""
+    jax.config.update("jax_enable_x64", False)
+    yield
+    jax.config.update("jax_enable_x64", True)
+
+
+@pytest.fixture(scope="module")
+def robot(single):
+    return build_robot(load(RobotFile, ROBOT))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_lab(single, robot):
+    """All runs share their compiled functions."""
+    lab = runs.make_lab(STUDY, robot)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(runs, "make_lab", lambda *_: lab)
+        yield
+
+
+def search(path, robot, resume, study=STUDY, saves=None):
+    """The result and best gaits of a run, killed after so many saves (None: never); its saves are counted."""
+    folder = RunFolder.open(path, {"config": study}, resume)
+    done, keep = [], folder.save
+
+    def save(stage, tree):
+        keep(stage, tree)
+        done.append(stage)
+        if len(done) == saves:
+            raise Killed
+
+    folder.save = save
+    try:
+        result, chosen = run(study, robot, folder, lambda *_: None)
+        folder.write_result(result)
+        return json.loads(folder.result.read_text()) | {"timing": None}, chosen, done
+    finally:
+        folder.close()
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory, robot):
+    return tmp_path_factory.mktemp("whole") / "run"
+
+
+@pytest.fixture(scope="module")
+def answer(whole, robot):
+    return search(whole, robot, resume=False)
+
+
+def test_a_resume_after_any_stage_reaches_the_same_answer(answer, tmp_path, robot):
+    """Bit by bit: every save is followed by a kill once."""
+    result, chosen, stages = answer
+    assert len(set(stages)) == 3 * 6 + 1  # baseline, descent, ranked, polished, held-out, referee by kind; proxy
+    for saves in range(1, len(stages) + 1):
+        path = tmp_path / str(saves)
+        with pytest.raises(Killed):
+            search(path, robot, resume=False, saves=saves)
+        again, best, later = search(path, robot, resume=True)
+        assert again == result
+        assert stages[:saves] + later == stages or set(later) <= set(stages)
+        for kind in chosen:
+            np.testing.assert_array_equal(best[kind], chosen[kind], strict=True)
+
+
+def test_a_finished_run_can_be_resumed(answer, whole, robot):
+    result, _, _ = answer
+    again, _, saved = search(whole, robot, resume=True)
+    assert again == result
+    assert saved == []
+
+
+def test_copies_of_one_terrain_count_once(answer):
+    result, _, _ = answer
+    assert result["terrains"]["by_kind"]["held_out"] == {"flat": 1, "rough": 2, "stairs": 2}
+    assert result["terrains"]["held_out"] == 5
+    assert result["best"]["flat"]["lanes"] == 1
+    assert result["best"]["flat"]["energy_per_metre"]["net"]["ci95"] is None
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_few_or_no_terrains_for_the_referee(answer, tmp_path, robot, number):
+    study = dataclasses.replace(STUDY, search=dataclasses.replace(STUDY.search, referee_terrains=number))
+    result, _, _ = search(tmp_path / "run", robot, resume=False, study=study)
+    assert result["terrains"]["by_kind"]["referee"] == {"flat": number, "rough": 0, "stairs": 0}
+    assert result["saving"]["mujoco"]["best"]["rough"]["net"] == {"mean": None, "ci95": None}
+    assert result["best"] == answer[0]["best"]
