@@ -74,7 +74,7 @@ def find_terrain(study: Any, source: str, difficulty: float) -> Any:
         return terrain(source, Grid(200, 100, 0.04, (0.02, 0.02)), jax.random.key(study.seed), difficulty, TerrainSettings())
     if not source.endswith(".npz"):
         raise InputError(f"command line: --terrain is {source}, but must be a .npz file or one of {', '.join(sorted(KINDS))}")
-    return load_map(source)
+    return load_map(source).terrain
 
 
 def check(terrain: Any, robot: Any, gait: Any, ends: dict[str, np.ndarray]) -> None:
