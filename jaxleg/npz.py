@@ -147,7 +147,7 @@ def _unreadable(path: Path, error: Exception, key: str = "") -> InputError:
 
 def _words(layout: Layout, lengths: Mapping[str, int]) -> str:
     shape = ", ".join(str(lengths.get(x, x)) if isinstance(x, str) else str(x) for x in layout.shape)
-    return f"{layout.kind} in {len(layout.shape)} dimensions, ({shape})"
+    return f"{layout.kind} in {len(layout.shape)} dimension{'' if len(layout.shape) == 1 else 's'}, ({shape})"
 
 
 def _has(shape: tuple[int, ...], dtype: np.dtype) -> str:
