@@ -97,7 +97,7 @@ def read_map(path: Path, box: Rectangle, foot_radius: float, heading: float) -> 
     Raises `InputError` for cells larger than the foot's diameter or W_Search, and for a map smaller than the lengthened
     rectangle at that heading [rad]; radius in metres.
     """
-    terrain = load_map(path)
+    terrain = load_map(path).terrain
     resolution = float(terrain.resolution)
     check_map(f"{path}: ", terrain.elevation.shape, resolution, box, foot_radius, heading)
     return thinned(terrain, max(1, int(FINEST / resolution + 1e-6)))

@@ -2,7 +2,7 @@
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 from jaxleg.conventions import InputError
@@ -35,7 +35,7 @@ def check_writable(path: str | Path) -> None:
 
 
 @contextlib.contextmanager
-def _refusal(path: str | Path) -> Iterator[None]:
+def _refusal(path: str | Path) -> Generator[None]:
     try:
         yield
     except (OSError, UnicodeError) as error:  # UnicodeError: a text that UTF-8 cannot hold

@@ -29,9 +29,9 @@ NOISE = "np.random.default_rng(0).normal(size=(100, 100))"
 WRITERS = {
     "text": "from jaxleg.settings import write_whole\nwrite = lambda path: write_whole(path, 'x' * 20000)",
     "npz": f"from jaxleg.npz import write_npz\nwrite = lambda path: write_npz(path, {{'noise': {NOISE}}})",
-    "map": f"""from jaxleg.terrain.files import save_map
+    "map": f"""from jaxleg.terrain.files import MapFile, save_map
 from jaxleg.terrain.heightmap import HeightMap
-write = lambda path: save_map(HeightMap({NOISE}, np.zeros(2), np.array(0.04)), path)""",
+write = lambda path: save_map(MapFile(HeightMap({NOISE}, np.zeros(2), np.array(0.04)), np.zeros(3)), path)""",
 }
 
 

@@ -74,7 +74,7 @@ def find_terrain(study: Any, source: str, difficulty: float) -> Any:
         return terrain(source, Grid(200, 100, 0.04, (0.02, 0.02)), jax.random.key(study.seed), difficulty, TerrainSettings())
     if not source.endswith(".npz"):
         raise InputError(f"command line: --terrain is {source}, but must be a .npz file or one of {', '.join(sorted(KINDS))}")
-    return load_map(source)
+    return load_map(source).terrain
 
 
 def check(terrain: Any, robot: Any, gait: Any, ends: dict[str, np.ndarray]) -> None:
@@ -143,6 +143,7 @@ def save(study, robot, robot_name: str, navigator, terrain, walk, planned, goal,
 
     from jaxleg.settings import to_table
     from jaxleg.sim.plan_file import save_plan
+    from jaxleg.terrain.files import MapFile
 
     count, last = int(walk.count), int(planned.last)
     reference = jax.tree.map(lambda x: np.asarray(x)[: last + 1], planned.reference)
@@ -155,7 +156,7 @@ def save(study, robot, robot_name: str, navigator, terrain, walk, planned, goal,
         "steps": count,
     }
     states = jax.tree.map(lambda x: np.asarray(x)[: count + 1], walk.states)
-    save_plan(out, robot_name, robot, terrain, reference, states.feet, states.pose, goal, params)
+    save_plan(out, robot_name, robot, MapFile(terrain, np.zeros(3)), reference, states.feet, states.pose, goal, params)
 
 
 def show(console, walk, planned, detours: int, out: Path) -> None:

@@ -1,6 +1,7 @@
 """`jaxleg replay PLAN --engine mjx or mujoco`: a plan in simulation."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import numpy as np
 from jaxleg.cli.options import nothing_left, take
 from jaxleg.cli.start import EXIT_INFEASIBLE, USAGE, configure_jax, quietly
 from jaxleg.conventions import InputError
+from jaxleg.files import check_writable
+from jaxleg.settings import write_whole
 
 FRAME, SPEED = 0.5, 4.0  # between the pictures of a video [s], and how many times as fast it runs
 
@@ -27,6 +30,7 @@ def replay(arguments: list[str]) -> int:
         raise InputError("command line: PLAN is missing; give the file that `jaxleg plan` wrote")
     source = Path(rest.pop(0))
     nothing_left(rest)
+    path, film = Path(out[0]) if out else source.parent / "replay.json", Path(video[0]) if video else None
     configure_jax()
     quietly()
     from rich.console import Console
@@ -35,18 +39,36 @@ def replay(arguments: list[str]) -> int:
     from jaxleg.sim.replay import replay_mjx, replay_mujoco
 
     file = load_plan(source)
+    check_outputs(source, path, film)
     with Console().status(f"simulating {float(file.reference.time[-1]):.0f} s"):
         result, frames = {"mjx": replay_mjx, "mujoco": replay_mujoco}[engine](file, FRAME)
-    path = Path(out[0]) if out else source.with_name("replay.json")
-    path.write_text(json.dumps(result | {"plan": str(source)}, indent=2) + "\n")
+    write_whole(path, json.dumps(finite(result | {"plan": str(source)}), indent=2, allow_nan=False) + "\n")
     show(result)
     print(f"written: {path}")
-    if video:
+    if film:
         from jaxleg.viz.animation import animate
 
-        animate(video[0], file.terrain, frames, file.robot, FRAME, speed=SPEED, goal=file.goal)
-        print(f"written: {video[0]}")
+        animate(film, file.terrain, frames, file.robot, FRAME, speed=SPEED, goal=file.goal)
+        print(f"written: {film}")
     return EXIT_INFEASIBLE if result["fell"] else 0
+
+
+def check_outputs(source: Path, result: Path, film: Path | None) -> None:
+    """Raises `InputError` for outputs that could not be written, or would replace the plan or each other."""
+    if film and film.suffix.lower() != ".gif":
+        raise InputError(f"command line: --video is {film}, but must end in .gif")
+    paths = [source, result, *([film] if film else [])]
+    if len({os.path.realpath(path) for path in paths}) < len(paths):
+        raise InputError(f"command line: PLAN, --out and --video must be different files, not {', '.join(map(str, paths))}")
+    for path in paths[1:]:
+        check_writable(path)
+
+
+def finite(value: Any) -> Any:
+    """The same with None for every number that JSON has no word for."""
+    if isinstance(value, dict):
+        return {key: finite(entry) for key, entry in value.items()}
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def show(result: dict[str, Any]) -> None:

@@ -15,6 +15,7 @@ from matplotlib.patches import Polygon
 from PIL import Image
 
 from jaxleg.conventions import LEFT_LEGS, LEGS, RIGHT_LEGS, InputError
+from jaxleg.files import check_writable, replace_whole
 from jaxleg.kinematics import rotation_from_quaternion
 from jaxleg.robot import Robot
 from jaxleg.terrain.heightmap import HeightMap
@@ -238,13 +239,10 @@ def _legend(route, goal) -> list[Line2D]:
 
 
 def _prepare(path: str | Path) -> None:
-    """Make a film's folder: what cannot be written is better known before the film is drawn."""
+    """What cannot be written is better known before the film is drawn."""
     if Path(path).suffix.lower() != ".gif":
         raise InputError(f"{path}: the film's name must end in .gif")
-    try:
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+    check_writable(path)
 
 
 def _write(path: str | Path, frames: Iterator[Image.Image], milliseconds: float) -> None:
@@ -252,7 +250,5 @@ def _write(path: str | Path, frames: Iterator[Image.Image], milliseconds: float)
     first = next(frames).quantize(COLOURS, Image.Quantize.MEDIANCUT)
     first.putpalette([255 if part > NEARLY else part for part in first.getpalette() or ()])
     rest = (frame.quantize(palette=first, dither=Image.Dither.NONE) for frame in frames)
-    try:
-        first.save(path, save_all=True, append_images=rest, duration=max(round(milliseconds), 20), loop=0)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+    how = dict(format="GIF", save_all=True, append_images=rest, duration=max(round(milliseconds), 20), loop=0)
+    replace_whole(path, lambda part: first.save(part, **how))

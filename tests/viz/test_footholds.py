@@ -18,7 +18,7 @@ from jaxleg.planning.planner import Choice, Site
 from jaxleg.planning.rectangle import SearchRectangle
 from jaxleg.search.config import Rectangle
 from jaxleg.terrain import Grid, flat
-from jaxleg.terrain.files import save_map
+from jaxleg.terrain.files import MapFile, save_map
 from jaxleg.viz import footholds
 from jaxleg.viz.footholds import Planned, draw_cascade, draw_footholds, search_cells
 from jaxleg.viz.style import LEG_COLOUR, RED
@@ -142,7 +142,7 @@ def test_level_ground_has_one_grey_and_a_scale(drawn, tmp_path):
 
 
 def saved(path, cells, resolution):
-    save_map(flat(Grid(*cells, resolution, (0.0, 0.0))), path)
+    save_map(MapFile(flat(Grid(*cells, resolution, (0.0, 0.0))), np.zeros(3)), path)
     return path
 
 

@@ -1,0 +1,51 @@
+"""A small plan's file, made by hand: one second of standing, called a walk of one step."""
+
+import json
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxleg.plan import Reference
+from jaxleg.planning.posture import joint_angles
+from jaxleg.robot import Robot
+from jaxleg.sim.plan_file import save_plan
+from jaxleg.terrain.files import MapFile
+from jaxleg.terrain.heightmap import HeightMap
+
+FEET = np.array([[1.34, 1.2, 0.0], [1.34, 0.8, 0.0], [0.74, 1.2, 0.0], [0.74, 0.8, 0.0]])
+TRUNK = np.array([1.04, 1.0, 0.46])
+SHIFT, EACH, SECONDS = 8, 16, 1.0  # samples of the last shift and of a step
+PARAMS = {"friction": 0.8, "samples_a_step": EACH, "tick": 0.0025, "steps": 1, "power": "positive"}
+
+
+def standing(robot: Robot) -> Reference:
+    """A second of standing over `FEET`."""
+    count = EACH + SHIFT + 1
+    feet = jnp.asarray(FEET, float).at[:, 2].add(robot.contact_radius)
+    angles, _ = jax.jit(joint_angles)(robot, jnp.asarray([*TRUNK, 0.0, 0.0, 0.0], float), feet)
+    zero, upright = np.zeros((4, 3)), np.array([1.0, 0.0, 0.0, 0.0])
+    rows = (angles, zero, zero, TRUNK, upright, np.zeros(6), feet, np.ones(4))
+    return Reference(np.linspace(0.0, SECONDS, count), *(np.repeat(np.asarray(x)[None], count, axis=0) for x in rows))
+
+
+def save_standing(path: Path, robot: Robot, elevation: np.ndarray | None = None, datum: np.ndarray | None = None) -> Path:
+    """Write the plan, on level ground of 60 x 50 cells unless another is given."""
+    elevation = np.zeros((60, 50)) if elevation is None else elevation
+    terrain = HeightMap(elevation, np.zeros(2), np.array(0.04))
+    ground = MapFile(terrain, np.zeros(3) if datum is None else datum)
+    save_plan(path, "standing", robot, ground, standing(robot), np.stack([FEET, FEET]), np.zeros((2, 6)), TRUNK[:2], PARAMS)
+    return path
+
+
+def arrays_of(path: Path) -> dict[str, np.ndarray]:
+    """All of an archive."""
+    with np.load(path) as file:
+        return {key: file[key] for key in file.files}
+
+
+def with_params(arrays: dict[str, np.ndarray], **changes) -> dict[str, np.ndarray]:
+    """The arrays with other `params`; None takes a key out."""
+    params = json.loads(str(arrays["params"])) | changes
+    return arrays | {"params": np.array(json.dumps({key: value for key, value in params.items() if value is not None}))}
