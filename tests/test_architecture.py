@@ -8,8 +8,8 @@ import pytest
 ROOT = Path(__file__).parent.parent / "jaxleg"
 ORDER = (
     ("conventions", "settings", "numerics", "queue"),
-    ("robot",),
     ("kinematics",),
+    ("robot",),
     ("dynamics", "energy", "plan"),
     ("statics", "gait", "stance", "workspace"),
     ("terrain",),

@@ -19,7 +19,7 @@ import numpy as np
 from jaxleg.conventions import LEGS, InputError
 from jaxleg.plan import Reference
 from jaxleg.robot import Robot
-from jaxleg.sim.mjcf import robot_mjcf
+from jaxleg.robot.mjcf import robot_mjcf
 from jaxleg.terrain.heightmap import HeightMap
 
 COLUMNS = {  # of `Reference` in the file
