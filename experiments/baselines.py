@@ -24,7 +24,7 @@ from jaxleg.planning.reference import instant
 from jaxleg.robot import RobotFile, build_robot
 from jaxleg.search.batches import over_lanes
 from jaxleg.search.config import PARAMETERS, Study, baseline, robot_path
-from jaxleg.search.contest import BEND_SLACK
+from jaxleg.search.contest import keeps_limits
 from jaxleg.search.lanes import Lab, to_params
 from jaxleg.settings import load
 from jaxleg.viz.baselines import draw_baselines
@@ -109,8 +109,7 @@ def judge(lab: Lab, vector, site, setting):
     first = jax.tree.map(lambda x: x[0], walk.phases)
     torque = instant(lab.robot, walk, lab.settings(setting.least_bend), first, jnp.zeros((), vector.dtype)).torque
     stand = jnp.sum(electrical(motor_power(lab.robot, torque, jnp.zeros_like(torque)), "net"))
-    feasible = (score.checks.status == PlanStatus.OK) & (score.checks.knee_bend >= setting.least_bend - BEND_SLACK)
-    return score.energy[NET] * lab.speed, stand, score.checks.margin, feasible
+    return score.energy[NET] * lab.speed, stand, score.checks.margin, keeps_limits(score.checks, setting.least_bend)
 
 
 def nearest(rows: list[dict[str, Any]], target: dict[str, float]) -> dict[str, Any]:

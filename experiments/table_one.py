@@ -14,7 +14,7 @@ from experiments.slow_walk import SPEED, STAND, STAND_SHARE, Trace, mean_over_ti
 from jaxleg.energy import CONVENTIONS, cost_of_transport
 from jaxleg.plan import PlanChecks, PlanStatus
 from jaxleg.search.config import PARAMETERS, Study, baseline
-from jaxleg.search.contest import BEND_SLACK
+from jaxleg.search.contest import keeps_limits
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab
 from jaxleg.sim.rollout import Record
@@ -76,10 +76,9 @@ def checked(lab: Lab, vectors: np.ndarray, lanes: Lanes) -> PlanChecks:
 
 def planned(plans: PlanChecks, lanes: Lanes, where: slice) -> dict[str, Any]:
     """Least knee bend [deg] and greatest lowering of the trunk [m] in the plans of some lanes; how many cannot be walked."""
-    bend, short = plans.knee_bend[where], plans.knee_bend < np.asarray(lanes.setting.least_bend) - BEND_SLACK
-    bad = (short | (plans.status != PlanStatus.OK))[where]
-    lowered = float(np.max(plans.lowering[where]))
-    return {"knee_bend_deg": float(np.rad2deg(np.min(bend))), "lowering_m": lowered, "infeasible": int(np.sum(bad))}
+    bend, lowered = float(np.min(plans.knee_bend[where])), float(np.max(plans.lowering[where]))
+    bad = ~keeps_limits(plans, np.asarray(lanes.setting.least_bend))[where]
+    return {"knee_bend_deg": float(np.rad2deg(bend)), "lowering_m": lowered, "infeasible": int(np.sum(bad))}
 
 
 def spans(power: np.ndarray, kept: Record, stand: float) -> tuple[float, float | None, float]:

@@ -30,6 +30,7 @@ class Reach(enum.IntEnum):
     OK = 0
     TOO_FAR = 1
     TOO_NEAR = 2
+    NOT_FINITE = 3
 
 
 def rotation_about(axis: Float[Array, "3"], angle: Float[ArrayLike, ""]) -> Float[Array, "3 3"]:
@@ -122,13 +123,22 @@ def leg_angles(
     signs = jnp.stack([axis[0, 0], -axis[1, 1], -axis[2, 1]])
     too_near = (cosine < -1.0) | (depth_squared < 0.0)
     status = jnp.where(cosine > 1.0, Reach.TOO_FAR, jnp.where(too_near, Reach.TOO_NEAR, Reach.OK))
-    return angles * signs, status.astype(jnp.int32)
+    known = jnp.isfinite(jnp.sum(foot)) & ~jnp.isnan(cosine)
+    return angles * signs, jnp.where(known, status, Reach.NOT_FINITE).astype(jnp.int32)
 
 
-def knee_bend(offset: Float[Array, "joint 3"], angles: Float[Array, "joint"]) -> Float[Array, ""]:
-    """Angle between thigh and shank [rad]; 0 is the leg stretched straight."""
+def knee_bend(
+    axis: Float[Array, "joint 3"], offset: Float[Array, "joint 3"], angles: Float[Array, "joint"]
+) -> Float[Array, ""]:
+    """Angle between thigh and shank in the leg's plane [rad], from 0 (stretched straight) to pi."""
     tilt_thigh, tilt_shank = (jnp.arctan2(offset[j, 0], -offset[j, 2]) for j in (1, 2))
-    return jnp.abs(angles[2] + tilt_shank - tilt_thigh)
+    turned = tilt_shank - tilt_thigh - axis[2, 1] * angles[2]
+    return jnp.abs(turned - 2.0 * jnp.pi * jnp.round(turned / (2.0 * jnp.pi)))
+
+
+def range_slack(joint_range: Float[Array, "*n 2"], angles: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Distance of joint angles to the nearer end of their ranges [rad]; negative: beyond it."""
+    return jnp.minimum(angles - joint_range[..., 0], joint_range[..., 1] - angles)
 
 
 def reach_for_bend(offset: Float[Array, "joint 3"], bend: Float[ArrayLike, ""]) -> Float[Array, ""]:

@@ -95,6 +95,7 @@ class PlanChecks(NamedTuple):
     margin: Float[Array, ""]  # least planned stability margin [m]
     torque_ratio: Float[Array, ""]  # greatest |torque| over its limit
     load: Float[Array, ""]  # least vertical force of a standing foot over a quarter of the weight: at 0 it lifts off
+    joint_room: Float[Array, ""]  # least distance of a joint to the end of its range [rad]; negative: beyond it
     lowering: Float[Array, ""]  # [m]
     status: Int[Array, ""]  # PlanStatus
 

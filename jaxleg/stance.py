@@ -54,9 +54,9 @@ class GaitConstraints(NamedTuple):
     knee_clear: Float[Array, ""]  # H - L2: the knee stays off the ground
 
 
-def leg_length(robot: Robot) -> Float[Array, ""]:
+def leg_length(robot: Robot) -> Float[Array, "*batch"]:
     """L_Leg [m]: thigh plus shank of the first leg, stretched straight."""
-    return jnp.sum(jnp.sqrt(jnp.sum(robot.link_offset[0, 1:, ::2] ** 2, axis=-1)))
+    return jnp.sum(jnp.sqrt(jnp.sum(robot.link_offset[..., 0, 1:, ::2] ** 2, axis=-1)), axis=-1)
 
 
 def gait_constraints(
@@ -69,7 +69,7 @@ def gait_constraints(
         search_behind=2.0 * step - search_length,
         step_reach=half - step,
         search_reach=2.0 * half - 0.5 * step - search_length,
-        knee_clear=hip_height + robot.link_offset[0, 1, 2],
+        knee_clear=hip_height + robot.link_offset[..., 0, 1, 2],
     )
 
 

@@ -60,7 +60,7 @@ def leg_torque(
     angles, status = leg_angles(axis, offset, robot.knee_sign, foot)
     vertical = jnp.asarray(force, offset.dtype) * jnp.array([0.0, 0.0, 1.0], offset.dtype)
     torque = holding_torque(axis, offset, angles, vertical)
-    return LegTorque(torque[1], torque[2], knee_bend(offset, angles), status == Reach.OK)
+    return LegTorque(torque[1], torque[2], knee_bend(axis, offset, angles), status == Reach.OK)
 
 
 def torque_map(

@@ -8,8 +8,8 @@ import pytest
 ROOT = Path(__file__).parent.parent / "jaxleg"
 ORDER = (
     ("about", "conventions", "files", "npz", "numerics", "queue", "settings"),
-    ("robot",),
     ("kinematics",),
+    ("robot",),
     ("dynamics", "energy", "plan"),
     ("statics", "gait", "stance", "workspace"),
     ("terrain",),

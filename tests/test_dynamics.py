@@ -11,7 +11,7 @@ from jaxleg import dynamics
 from jaxleg.conventions import GRAVITY
 from jaxleg.dynamics import Motion, Wrench
 from jaxleg.kinematics import foot_position
-from jaxleg.sim.mjcf import robot_mjcf
+from jaxleg.robot.mjcf import robot_mjcf
 
 frames_of = jax.jit(dynamics.all_leg_frames)
 inverse_dynamics = jax.jit(dynamics.inverse_dynamics)

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from jaxleg import kinematics
 from jaxleg.kinematics import Reach
 from jaxleg.numerics import matvec
-from jaxleg.sim.mjcf import robot_mjcf
+from jaxleg.robot.mjcf import robot_mjcf
 
 N = 200
 forward = jax.jit(jax.vmap(kinematics.foot_position))
@@ -111,7 +111,7 @@ def test_reach(pegasus, foot, status, bend):
     assert ours == status
     assert np.all(np.isfinite(angles))
     if bend is not None:
-        assert_allclose(kinematics.knee_bend(offset, angles), bend, atol=1e-9)
+        assert_allclose(kinematics.knee_bend(axis, offset, angles), bend, atol=1e-9)
 
 
 @pytest.mark.parametrize("z", [-0.60, -0.65, -0.08, -0.05, 0.0])
@@ -166,7 +166,42 @@ def test_reach_for_bend_is_the_distance_at_that_bend(pegasus, degrees):
     offset, bend = pegasus.link_offset[0], np.radians(degrees)
     foot = kinematics.foot_position(pegasus.joint_axis[0], offset, jnp.array([0.0, -0.3, bend]))
     assert_allclose(kinematics.reach_for_bend(offset, bend), np.linalg.norm(foot - offset[0]), atol=1e-12)
-    assert_allclose(kinematics.knee_bend(offset, jnp.array([0.0, -0.3, -bend])), bend)
+    assert_allclose(kinematics.knee_bend(pegasus.joint_axis[0], offset, jnp.array([0.0, -0.3, -bend])), bend)
+
+
+def test_knee_bend_is_the_angle_between_thigh_and_shank_whatever_the_axes_signs(legs):
+    """Both directions in the leg's plane, from forward kinematics; one foot, two signs of the knee: one bend."""
+    axis, offset, foot = legs
+    signs = np.random.default_rng(4).choice([-1.0, 1.0], (N, 2))
+    turned = axis.at[:, 1:, 1].multiply(signs)
+    angles, status = inverse(turned, offset, jnp.ones(N), foot)
+    frames = jax.jit(jax.vmap(kinematics.leg_frames))(turned, offset, angles)
+    links = jnp.stack([frames.origin[:, 2] - frames.origin[:, 1], frames.foot - frames.origin[:, 2]], axis=1)
+    pitch = frames.axis[:, 1:2]
+    thigh, shank = np.moveaxis(np.asarray(links - jnp.sum(links * pitch, -1, keepdims=True) * pitch), 1, 0)
+    lengths = np.linalg.norm(thigh, axis=-1) * np.linalg.norm(shank, axis=-1)
+    between = np.arctan2(np.linalg.norm(np.cross(thigh, shank), axis=-1), np.sum(thigh * shank, axis=-1))
+    bend = jax.vmap(kinematics.knee_bend)
+    ok = np.asarray(status == Reach.OK) & (lengths > 0.0)
+    assert_allclose(bend(turned, offset, angles)[ok], between[ok], atol=1e-7)
+    assert_allclose(bend(axis, offset, inverse(axis, offset, jnp.ones(N), foot)[0])[ok], between[ok], atol=1e-7)
+
+
+@pytest.mark.parametrize("angle", [3.0, 4.0, -3.5, 9.0])
+def test_knee_bend_of_a_turned_round_knee_is_at_most_a_half_turn(pegasus, angle):
+    bend = kinematics.knee_bend(pegasus.joint_axis[0], pegasus.link_offset[0], jnp.array([0.0, 0.0, angle]))
+    assert_allclose(bend, np.arccos(np.cos(angle)), atol=1e-12)
+
+
+def test_range_slack_is_the_way_to_the_nearer_end():
+    spans = jnp.array([[-1.0, 2.0], [0.5, 0.7], [-3.0, -2.0]])
+    assert_allclose(kinematics.range_slack(spans, jnp.array([0.5, 0.4, -2.9])), [1.5, -0.1, 0.1], atol=1e-12)
+
+
+@pytest.mark.parametrize("foot", [(np.nan, 0.08, -0.5), (0.0, np.nan, -0.5), (0.0, 0.08, np.nan), (np.inf, 0.0, -np.inf)])
+def test_a_target_that_is_not_finite_is_never_reached(pegasus, foot):
+    status = kinematics.leg_angles(pegasus.joint_axis[0], pegasus.link_offset[0], 1.0, jnp.array(foot))[1]
+    assert status == Reach.NOT_FINITE
 
 
 @pytest.mark.parametrize("axis", [*np.eye(3).tolist(), [0.6, 0.0, -0.8]])

@@ -1,14 +1,18 @@
+import copy
 import dataclasses
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from jaxleg.conventions import GRAVITY, LEFT_LEGS, LEG_SIDE, RIGHT_LEGS, InputError
+from jaxleg.planning.reference import Pose, instant_of
 from jaxleg.robot import Robot, RobotFile, build_robot, load_robot
 from jaxleg.settings import load
+from jaxleg.stance import leg_length
 
 PEGASUS = Path(__file__).parents[1] / "configs/robots/pegasus.toml"
 MIRROR = np.array([1.0, -1.0, 1.0])
@@ -67,9 +71,42 @@ def test_joint_ranges_are_wide_open_unless_given(pegasus):
     assert_allclose(given, np.broadcast_to(np.deg2rad([[-40, 60], [-100, 100], [-155, -5]]), (4, 3, 2)))
 
 
-def test_a_range_the_wrong_way_round_is_refused():
-    with pytest.raises(ValueError, match=r"knee_range_deg.*-5.*-155"):
-        dataclasses.replace(load(RobotFile, PEGASUS).geometry, knee_range_deg=(-5.0, -155.0))
+def test_the_mass_of_a_batch_of_robots_is_each_ones(pegasus):
+    factors = np.array([1.0, 2.0, 3.0])
+    many = jax.tree.map(lambda x: factors.reshape(3, *(1,) * x.ndim) * x, pegasus)
+    assert_allclose(many.mass, 35.2 * factors)
+    assert_allclose(jax.vmap(lambda robot: robot.mass)(many), 35.2 * factors)
+    assert_allclose(leg_length(many), 0.60 * factors)
+
+
+def test_torque_has_a_gradient_in_every_number_of_the_file():
+    """Sum of the torques' squares in a standing posture, through `build_robot`, against central differences."""
+    file = load(RobotFile, PEGASUS)
+    pose = jnp.array([0.02, 0.01, 0.46, 0.05, -0.04, 0.1])
+    feet = jnp.array([[0.36, 0.2, 0.03], [0.28, -0.2, 0.0], [-0.28, 0.2, 0.01], [-0.36, -0.2, -0.02]])
+
+    def effort(numbers):
+        robot = build_robot(with_numbers(file, numbers))
+        at = Pose(pose, feet, *(jnp.zeros_like(x) for x in (pose, feet, pose, feet)))
+        return jnp.sum(instant_of(robot, at, jnp.ones(4)).torque ** 2)
+
+    numbers = {"geometry.thigh": 0.26, "geometry.hip_link": 0.08, "masses.total": 35.2, "masses.shank": 0.4}
+    numbers |= {"masses.thigh_com": 0.3, "geometry.hip_spacing": 0.6}
+    run = jax.jit(effort)
+    slopes = jax.jit(jax.grad(effort))(numbers)
+    for key, value in numbers.items():
+        step = 1e-5 * value
+        ahead, behind = (run(numbers | {key: value + d}) for d in (step, -step))
+        assert_allclose(slopes[key], (ahead - behind) / (2.0 * step), rtol=1e-6, err_msg=key)
+
+
+def with_numbers(file, numbers):
+    for key, value in numbers.items():
+        table, name = key.split(".")
+        part = copy.copy(getattr(file, table))  # not `replace`: jaxtyping's hook lets no tracer through __init__
+        object.__setattr__(part, name, value)
+        file = dataclasses.replace(file, **{table: part})
+    return file
 
 
 def test_a_bad_file_is_refused_with_its_key(tmp_path):

@@ -28,6 +28,7 @@ from jaxleg.planning.rectangle import (
 )
 from jaxleg.terrain.heightmap import HeightMap
 
+FAR = 2**20  # cells, beyond any map; sums of a few do not overflow
 BLOCK = 64  # cells a leg that the last resort looks at together
 
 
@@ -107,8 +108,12 @@ def soft_offset(
 
 
 def nearest_cell(terrain: HeightMap, xy: Float[Array, "*n 2"]) -> Int[Array, "*n 2"]:
-    """Index of the cell whose centre is nearest to xy in W [m]; beyond the map it goes on counting."""
-    return jnp.round((xy - terrain.origin) / terrain.resolution).astype(jnp.int32)
+    """Index of the cell whose centre is nearest to xy in W [m]; beyond the map it goes on counting, up to `FAR`.
+
+    A place that is not a number is `FAR` off the map.
+    """
+    place = jnp.clip(jnp.round((xy - terrain.origin) / terrain.resolution), -FAR, FAR)
+    return jnp.where(jnp.isnan(place), -FAR, place).astype(jnp.int32)
 
 
 def _look(nominal, valid, terrain, seen: Candidates, reachable: Reachable, cells: tuple[int, int]) -> Found:

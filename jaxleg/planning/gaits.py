@@ -17,7 +17,7 @@ from jaxleg.conventions import GRAVITY, LEG_END, LEG_SIDE
 from jaxleg.dynamics import Motion, all_leg_frames, torques_on_ground
 from jaxleg.energy import motor_power
 from jaxleg.gait import stability_margin
-from jaxleg.kinematics import Reach, knee_bend
+from jaxleg.kinematics import Reach, knee_bend, range_slack
 from jaxleg.planning.collision import Obstacles, highest_near, leg_clearance, trunk_clearance
 from jaxleg.planning.crawl import on_ground
 from jaxleg.planning.pose import STEP_LEGS, PosePlan, com_position, shift_time, stand_pose, swing_pose
@@ -143,9 +143,9 @@ class Look(NamedTuple):
 
 def _look(robot: Robot, plan: GaitPlan, ground: Obstacles, pose, feet, loaded) -> Look:
     angles, status = joint_angles(robot, pose, feet)
-    bend = jax.vmap(knee_bend)(robot.link_offset, angles)
-    low, high = robot.joint_range[..., 0], robot.joint_range[..., 1]
-    within = (angles >= low) & (angles <= high) & (bend >= plan.least_bend)[:, None] & (status == Reach.OK)[:, None]
+    bend = jax.vmap(knee_bend)(robot.joint_axis, robot.link_offset, angles)
+    bent = (bend >= plan.least_bend) & (status == Reach.OK)
+    within = (range_slack(robot.joint_range, angles) >= 0.0) & bent[:, None]
     com = com_position(robot, pose, angles)
     margin = stability_margin(com[:2], feet[:, :2], loaded)
     legs = leg_clearance(robot, ground, pose, angles)

@@ -49,7 +49,7 @@ def checks(robot: Robot, walk: Walk, at: Instant) -> PlanChecks:
     ratio = jnp.max(jnp.abs(at.torque) / robot.torque_limit)
     load = jnp.min(jnp.where(loaded, at.load, jnp.inf)) / (0.25 * robot.mass * GRAVITY)
     status = _status(robot, walk, at, margin + ratio + load)
-    return PlanChecks(jnp.min(at.bend), margin, ratio, load, walk.lowering, status)
+    return PlanChecks(jnp.min(at.bend), margin, ratio, load, jnp.min(at.room), walk.lowering, status)
 
 
 def _status(robot, walk, at, numbers):

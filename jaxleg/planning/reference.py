@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from jaxleg.conventions import GRAVITY
 from jaxleg.dynamics import Motion, all_leg_frames, centre_of_mass, torques_on_ground
 from jaxleg.gait import SHIFT, SWING_LEG
-from jaxleg.kinematics import joint_rates, knee_bend
+from jaxleg.kinematics import joint_rates, knee_bend, range_slack
 from jaxleg.numerics import cross, dot, matvec
 from jaxleg.plan import Phases, Reference, Walk
 from jaxleg.planning.crawl import CrawlSettings
@@ -46,6 +46,7 @@ class Instant(NamedTuple):
     load: Float[Array, "leg"]  # vertical contact force over its weight's share of the load [N]; negative would pull
     com: Float[Array, "3"]  # in W
     bend: Float[Array, "leg"]  # knee bend [rad]
+    room: Float[Array, "leg"]  # least distance of a joint to the end of its range [rad]; negative: beyond it
     reach: jax.Array  # `Reach` a leg
 
 
@@ -97,10 +98,10 @@ def instant_of(robot: Robot, at: Pose, weight: Float[Array, "leg"]) -> Instant:
     )
     load = dot(force, to_trunk[:, 2]) / jnp.maximum(weight, 1e-3)
     com = at.trunk[:3] + matvec(trunk_rotation(at.trunk[3:]), centre_of_mass(robot, frames))
-    bend = jax.vmap(knee_bend)(robot.link_offset, angles)
+    bend = jax.vmap(knee_bend)(robot.joint_axis, robot.link_offset, angles)
     return Instant(
         *(angles, velocity, acceleration, torque, at.trunk, at.trunk_rate, at.feet),
-        *(weight, load, com, bend, reach),
+        *(weight, load, com, bend, jnp.min(range_slack(robot.joint_range, angles), axis=-1), reach),
     )
 
 

@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxleg.energy import CONVENTIONS
-from jaxleg.plan import PlanStatus
+from jaxleg.plan import PlanChecks, PlanStatus
 from jaxleg.search.config import PARAMETERS
 from jaxleg.search.lanes import CONSTRAINTS, Score
 from jaxleg.sim.rollout import Meters
 
-BEND_SLACK = np.deg2rad(0.2)  # a knee bend counts as kept down to this much under the least one
-ACTIVE = dict(zip(CONSTRAINTS, (np.deg2rad(0.5), 0.005, 0.05, 0.05, 0.01, 0.01, 0.01, 0.005)))  # slack that counts as binding
+BEND_SLACK = np.deg2rad(0.2)  # a knee bend or a joint's range counts as kept down to this much beyond the limit
+BINDING = (np.deg2rad(0.5), 0.005, 0.05, 0.05, np.deg2rad(0.5), 0.01, 0.01, 0.01, 0.005)
+ACTIVE = dict(zip(CONSTRAINTS, BINDING))  # slack that counts as binding
 
 
 class Contest(NamedTuple):
@@ -26,7 +27,7 @@ class Contest(NamedTuple):
     bend: np.ndarray  # least knee bend [rad]
     lowering: np.ndarray  # [m]
     fell: np.ndarray
-    infeasible: np.ndarray  # not plannable, or the knee bend not kept
+    infeasible: np.ndarray  # not plannable, or the knee bend or a joint's range not kept
     slack: np.ndarray  # by constraint, last axis
 
     @property
@@ -37,7 +38,6 @@ class Contest(NamedTuple):
 
 def contest(score: Score, meters: Meters, least_bend: np.ndarray, contestants: int) -> Contest:
     """Arrange flat lanes (contestant by contestant) for comparison."""
-    short = score.checks.knee_bend < least_bend - BEND_SLACK
     fields = Contest(
         energy=score.energy,
         distance=meters.distance,
@@ -47,10 +47,16 @@ def contest(score: Score, meters: Meters, least_bend: np.ndarray, contestants: i
         bend=score.checks.knee_bend,
         lowering=score.checks.lowering,
         fell=meters.fell,
-        infeasible=(score.checks.status != PlanStatus.OK) | short,
+        infeasible=~keeps_limits(score.checks, least_bend),
         slack=score.slack,
     )
     return Contest(*(x.reshape(contestants, -1, *x.shape[1:]) for x in fields))
+
+
+def keeps_limits(checks: PlanChecks, least_bend: Any) -> Any:
+    """Whether a plan can be walked with its knees bent enough [rad] and its joints within their ranges."""
+    within = (checks.knee_bend >= least_bend - BEND_SLACK) & (checks.joint_room >= -BEND_SLACK)
+    return within & (checks.status == PlanStatus.OK)
 
 
 def bootstrap(values: np.ndarray, statistic, resamples: int, seed: int) -> dict[str, Any]:

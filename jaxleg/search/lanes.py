@@ -32,8 +32,9 @@ from jaxleg.sim.rollout import Meters, simulate
 from jaxleg.stance import gait_constraints
 
 CYCLES = 2  # of a walk, both metered: it starts in its own periodic posture, so that there is nothing to warm up
-CONSTRAINTS = ("knee_bend", "margin", "torque", "load", "search_behind", "step_reach", "search_reach", "knee_clear")
-SCALES = np.array([np.deg2rad(1.0), 0.01, 0.05, 0.1, 0.01, 0.01, 0.01, 0.01])  # what counts as one unit of violation
+OF_PLAN = ("knee_bend", "margin", "torque", "load", "joint_range")
+CONSTRAINTS = (*OF_PLAN, "search_behind", "step_reach", "search_reach", "knee_clear")
+SCALES = np.array([np.deg2rad(1.0), 0.01, 0.05, 0.1, np.deg2rad(1.0), 0.01, 0.01, 0.01, 0.01])  # what counts as one unit of violation
 LEAST_LOAD = 0.05  # every standing foot presses down with at least this share of a quarter of the weight
 
 
@@ -122,9 +123,7 @@ class Lab:
         height = params.hip_height - checks.lowering
         gait = gait_constraints(self.robot, height, params.step_length, self.rectangle.length)
         of_plan = (checks.knee_bend - setting.least_bend, checks.margin - setting.margin, 1.0 - checks.torque_ratio)
-        return jnp.stack(
-            [*of_plan, checks.load - LEAST_LOAD, gait.search_behind, gait.step_reach, gait.search_reach, gait.knee_clear]
-        )
+        return jnp.stack([*of_plan, checks.load - LEAST_LOAD, checks.joint_room, *gait])
 
     def simulated(
         self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting

@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.energy import CONVENTIONS, Power, electrical
-from jaxleg.plan import PlanStatus
-from jaxleg.search.contest import BEND_SLACK, Contest
+from jaxleg.search.contest import Contest, keeps_limits
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab
 from jaxleg.sim.referee import Verdict, replay
@@ -22,8 +21,7 @@ def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int
     seen = {name: np.array([getattr(v, name) for v in verdicts]) for name in Verdict._fields}
     power = Power(*(jnp.asarray(seen[name], float) for name in ("mechanical", "mechanical_positive", "joule")))
     energy = np.stack([np.asarray(electrical(power, convention)) / seen["distance"] for convention in CONVENTIONS], axis=-1)
-    short = score.checks.knee_bend < np.asarray(lanes.setting.least_bend) - BEND_SLACK
-    infeasible = (score.checks.status != PlanStatus.OK) | short
+    infeasible = ~keeps_limits(score.checks, np.asarray(lanes.setting.least_bend))
     number = score.energy.dtype
     fields = (energy, seen["distance"], seen["time"], seen["slip"], seen["margin"])
     numbers = [np.asarray(x, number) for x in fields] + [score.checks.knee_bend, score.checks.lowering]

@@ -15,7 +15,7 @@ from mujoco.mjx._src import smooth
 
 from jaxleg.numerics import cross
 from jaxleg.robot import Robot
-from jaxleg.sim.mjcf import robot_mjcf
+from jaxleg.robot.mjcf import robot_mjcf
 
 
 class Terms(NamedTuple):

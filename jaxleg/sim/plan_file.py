@@ -22,7 +22,7 @@ from jaxleg.conventions import LEGS
 from jaxleg.npz import read_npz, write_npz
 from jaxleg.plan import Reference
 from jaxleg.robot import Robot
-from jaxleg.sim.mjcf import robot_mjcf
+from jaxleg.robot.mjcf import robot_mjcf
 from jaxleg.sim.plan_check import LAYOUTS, check_plan, checked_params
 from jaxleg.terrain.files import MapFile, map_arrays, to_terrain
 from jaxleg.terrain.heightmap import HeightMap

@@ -18,7 +18,7 @@ from jaxleg.conventions import LEGS
 from jaxleg.gait import stability_margin
 from jaxleg.plan import Reference
 from jaxleg.robot import Robot
-from jaxleg.sim.mjcf import LINKS, robot_mjcf
+from jaxleg.robot.mjcf import LINKS, robot_mjcf
 from jaxleg.terrain.heightmap import HeightMap, height
 
 STEP = 2e-3  # [s]

@@ -22,6 +22,7 @@ class StepStatus(enum.IntEnum):
     GOAL_OFF_MAP = 3  # a part of En lies beyond the map
     UNSEEN = 4  # nobody has seen some of the ground between the start and the end of En
     START_IN_GROUND = 5
+    NOT_FINITE = 6  # start, target or allowance
 
 
 def status_on_profile(machine: Machine, step: Step, profile: Profile) -> Int[Array, ""]:
@@ -48,6 +49,7 @@ def _status(machine: Machine, step: Step, x: Float[Array, "n"], ground: Float[Ar
         StepStatus.GOAL_OFF_MAP: (step.target[0] - machine.allowance < x[0]) | (far > x[-1]) | (step.start[0] < x[0]),
         StepStatus.NO_INTERVAL: ~(machine.allowance > 0.0),
         StepStatus.BOUNDS_CROSSED: ~(machine.low < machine.high),
+        StepStatus.NOT_FINITE: ~jnp.isfinite(jnp.sum(step.start) + jnp.sum(step.target) + machine.allowance),
     }
     status = jnp.asarray(StepStatus.OK, jnp.int32)
     for reason, holds in reasons.items():
@@ -61,6 +63,7 @@ def check_step(machine: Machine, step: Step, ground: Profile | LocalMap) -> None
     status = int(status_on_map(machine, step, ground) if on_map else status_on_profile(machine, step, ground))
     start, target = (tuple(round(float(v), 4) for v in np.asarray(p)) for p in (step.start, step.target))
     sentence = {
+        StepStatus.NOT_FINITE: f"step.start = {start}, step.target = {target} and machine.allowance must be finite",
         StepStatus.BOUNDS_CROSSED: f"machine.low = {float(machine.low)} must be below machine.high = {float(machine.high)}",
         StepStatus.NO_INTERVAL: f"machine.allowance = {float(machine.allowance)} must be positive: the end interval is empty",
         StepStatus.GOAL_OFF_MAP: f"step.target = {target} with its end interval, and step.start = {start}, must lie on the map",

@@ -189,7 +189,7 @@ def test_the_lowest_foothold_is_where_the_leg_has_its_least_bend(pegasus, height
     foot = jnp.array([ahead, pegasus.link_offset[0, :, 1].sum(), ours.lowest - thigh])
     angles, status = leg_angles(pegasus.joint_axis[0], pegasus.link_offset[0], pegasus.knee_sign, foot)
     assert status == Reach.OK
-    np.testing.assert_allclose(knee_bend(pegasus.link_offset[0], angles), bend, atol=1e-9)
+    np.testing.assert_allclose(knee_bend(pegasus.joint_axis[0], pegasus.link_offset[0], angles), bend, atol=1e-9)
     np.testing.assert_allclose([ours.highest, ours.step], [height - thigh, step], atol=1e-12)
 
 

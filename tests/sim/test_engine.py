@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxleg.sim.engine import mjx_engine
-from jaxleg.sim.mjcf import robot_mjcf
+from jaxleg.robot.mjcf import robot_mjcf
 
 
 @pytest.fixture(scope="module")

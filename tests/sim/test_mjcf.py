@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxleg.conventions import GRAVITY, JOINTS, LEGS
-from jaxleg.sim.mjcf import LINKS, robot_mjcf
+from jaxleg.robot.mjcf import LINKS, robot_mjcf
 
 
 @pytest.fixture(scope="module")

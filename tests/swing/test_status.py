@@ -40,6 +40,15 @@ def test_a_bad_step_has_a_status_and_is_refused_by_name(status):
             check_step(machine, step, ground)
 
 
+@pytest.mark.parametrize("change", [{"start": [jnp.nan, 3.0]}, {"start": [0.0, jnp.nan]}, {"target": [8.0, jnp.inf]}])
+def test_a_step_that_is_not_finite_is_refused(change):
+    step = STEP._replace(**{key: jnp.array(value) for key, value in change.items()})
+    for ground, of in ((LEVEL, status_on_profile), (MAP, status_on_map)):
+        assert of(printed(), step, ground) == StepStatus.NOT_FINITE
+        with pytest.raises(ValueError, match="must be finite"):
+            check_step(printed(), step, ground)
+
+
 def test_a_good_step_passes():
     for ground in (LEVEL, MAP):
         check_step(printed(), STEP, ground)
