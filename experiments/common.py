@@ -1,7 +1,5 @@
 """What the experiments share: the quickstart's lab and terrains, timing, and where results go."""
 
-import contextlib
-import io
 import json
 import time
 from collections.abc import Callable
@@ -12,14 +10,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-with contextlib.redirect_stdout(io.StringIO()):  # MJX prints that its optional Warp back end is not there
-    from jaxleg.search.lanes import Lab, Setting
-
 from jaxleg.about import about
 from jaxleg.cli import configure_jax
 from jaxleg.robot import load_robot
 from jaxleg.search.config import Study, robot_path
 from jaxleg.search.descent import Lanes
+from jaxleg.search.lanes import Lab, Setting
 from jaxleg.search.run import UNBOUND, make_lab
 from jaxleg.search.sites import make_sites
 from jaxleg.settings import load

@@ -1,32 +1,52 @@
 """`jaxleg plan CONFIG --terrain FILE_OR_KIND --start X Y --goal X Y`: a walk over one map (paper C)."""
 
+import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxleg.cli.options import needed, numbers, take
-from jaxleg.cli.start import EXIT_INFEASIBLE, USAGE, configure_jax, quietly
+from jaxleg.cli.start import USAGE, configure_jax
 from jaxleg.conventions import InputError
-from jaxleg.robot import RobotFile, build_robot
+from jaxleg.files import check_writable
 
-NAMES = {  # statuses of a planned walk, in words
-    "NO_PATH": "no path leads from start to goal over ground that the body and the feet can cross",
-    "START_BLOCKED": "the ground round the start cannot be walked on: steps, unseen or no place for the feet",
-    "GOAL_BLOCKED": "the ground round the goal cannot be walked on: steps, unseen or no place for the feet",
-    "TOO_LONG": "the walk is longer than navigation.path.cells or navigation.path.steps allow",
-    "NO_STANCE": "no valid foothold for some foot at the start",
-    "DEAD_END": "a path is there, but no series of gaits leads along it",
-    "BUDGET": "a path is there, but no series of gaits along it was found within navigation.tree.budget candidates",
-}
+CELLS, CELL = (200, 100), 0.04  # of a map that is made here [m]
+NEEDLESS = ("foot_offset", "skew", "shift_share", "hind_share", "lift_share")  # of a gait: paper C's planner has none
+
+
+class Task(NamedTuple):
+    """What is to be planned, read and checked; places count from the map's datum."""
+
+    study: Any
+    robot_file: Any
+    robot: Any
+    kind: str
+    map: Any  # `terrain.files.MapFile`
+    ends: dict[str, np.ndarray]
+    out: Path
+    figure: Path | None
 
 
 def plan(arguments: list[str]) -> int:
     """Read and check everything, plan, write `plan.npz`. Exit status 1 where there is no walk, with the reason."""
+    from rich.console import Console
+
+    from jaxleg.cli.planning import make
+
     rest = list(arguments)
     if {"-h", "--help"} & set(rest):
         print(USAGE)
         return 0
+    task = read(rest)
+    console = Console(width=None if Console().is_terminal else 110, highlight=False)
+    for note in notes(task.study, task.kind):
+        console.print(note)
+    return make(task, console)
+
+
+def read(rest: list[str]) -> Task:
+    """Everything that the command line names. Raises `InputError` for what cannot be used."""
     ends = {name: take(rest, name, 2) for name in ("start", "goal")}
     ends = {name: np.array(numbers(needed(value, name, "X Y in metres"), name)) for name, value in ends.items()}
     source = needed(take(rest, "terrain"), "terrain", "a map (.npz) or a kind of terrain")[0]
@@ -34,17 +54,32 @@ def plan(arguments: list[str]) -> int:
     out, figure, name = (take(rest, option) for option in ("out", "figure", "gait"))
     if not 0.0 <= difficulty <= 1.0:
         raise InputError(f"command line: --difficulty is {difficulty:g}, but must be from 0 to 1")
-    study, file = read_config(rest)
-    configure_jax()  # before any array is made, the robot's included
-    robot = build_robot(file)
+    paths = outputs(out, figure)
+    study, file, robot = read_config(rest)
     kind = gait_kind(study, name[0] if name else None, source)
-    terrain = find_terrain(study, source, difficulty)
-    check(terrain, robot, study.kinds[kind].gait, ends)
-    return make(study, robot, file.name, kind, terrain, ends, Path(out[0] if out else "runs/plan.npz"), figure)
+    ground = find_terrain(study, source, difficulty)
+    ends = {name: xy - ground.datum[:2] for name, xy in ends.items()}
+    check_map_and_ends(ground, robot, study.kinds[kind].gait, ends)
+    return Task(study, file, robot, kind, ground, ends, *paths)
 
 
-def read_config(rest: list[str]) -> tuple[Any, RobotFile]:
-    """The study of CONFIG with its overrides, and its robot's file."""
+def outputs(out: list[str] | None, figure: list[str] | None) -> tuple[Path, Path | None]:
+    """Where the plan and its picture go. Raises `InputError` where they could not be written."""
+    plan_path, picture = Path(out[0] if out else "runs/plan.npz"), Path(figure[0]) if figure else None
+    if picture and picture.suffix.lower() != ".png":
+        raise InputError(f"command line: --figure is {picture}, but must end in .png")
+    if picture and picture.resolve() == plan_path.resolve():
+        raise InputError(f"command line: --out and --figure are both {picture}, but must be different files")
+    for path in filter(None, (plan_path, picture)):
+        check_writable(path)
+    return plan_path, picture
+
+
+def read_config(rest: list[str]) -> tuple[Any, Any, Any]:
+    """The study of CONFIG with its overrides, its robot's file and its robot, checked as a search checks them."""
+    from jaxleg.cli.search import leg_numbers
+    from jaxleg.robot import RobotFile, build_robot, check_robot
+    from jaxleg.search.checks import check_study
     from jaxleg.search.config import Study, robot_path
     from jaxleg.settings import from_command_line, load
 
@@ -52,33 +87,51 @@ def read_config(rest: list[str]) -> tuple[Any, RobotFile]:
         raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
     source = rest.pop(0)
     study = from_command_line(Study, load(Study, source), rest, prog="jaxleg plan CONFIG")
-    return study, load(RobotFile, robot_path(study, source))
+    path = robot_path(study, source)
+    file = load(RobotFile, path)
+    configure_jax()  # before any array is made, the robot's included
+    check_robot(file, str(path))
+    robot = build_robot(file)
+    check_study(study, source, leg_numbers(robot))
+    return study, file, robot
 
 
 def gait_kind(study: Any, name: str | None, terrain: str) -> str:
     """The kind of terrain whose gait is walked."""
     if name is not None and name not in study.kinds:
         raise InputError(f"command line: --gait is {name}, but must be one of {', '.join(study.kinds)}")
-    alike = [kind for kind, table in study.kinds.items() if terrain in (kind, table.generator)]
-    return name or (alike + list(study.kinds))[0]
+    return name or (alike(study, terrain) + list(study.kinds))[0]
+
+
+def alike(study: Any, terrain: str) -> list[str]:
+    """CONFIG's kinds of this name, or made by this generator."""
+    return [terrain] if terrain in study.kinds else [k for k, table in study.kinds.items() if table.generator == terrain]
 
 
 def find_terrain(study: Any, source: str, difficulty: float) -> Any:
-    """The map of a file, or one of a kind of terrain: 8 x 4 m in cells of 0.04 m."""
+    """The map of a file, or one of a kind of terrain, made with the kind's settings in CONFIG."""
     import jax
 
-    from jaxleg.terrain import KINDS, Grid, TerrainSettings, terrain
-    from jaxleg.terrain.files import load_map
+    from jaxleg.search.config import Kind
+    from jaxleg.search.sites import terrain_settings
+    from jaxleg.terrain import KINDS, Grid, terrain
+    from jaxleg.terrain.files import MapFile, load_map
 
-    if source in KINDS:
-        return terrain(source, Grid(200, 100, 0.04, (0.02, 0.02)), jax.random.key(study.seed), difficulty, TerrainSettings())
+    known = alike(study, source)
+    if known or source in KINDS:
+        table = study.kinds[known[0]] if known else Kind(source)
+        grid = Grid(*CELLS, CELL, (0.5 * CELL, 0.5 * CELL))
+        ground = terrain(table.generator, grid, jax.random.key(study.seed), difficulty, terrain_settings(table))
+        return MapFile(ground, np.zeros(3))
     if not source.endswith(".npz"):
-        raise InputError(f"command line: --terrain is {source}, but must be a .npz file or one of {', '.join(sorted(KINDS))}")
-    return load_map(source).terrain
+        kinds = ", ".join(sorted({*KINDS, *study.kinds}))
+        raise InputError(f"command line: --terrain is {source}, but must be a .npz file or one of {kinds}")
+    return load_map(source)
 
 
-def check(terrain: Any, robot: Any, gait: Any, ends: dict[str, np.ndarray]) -> None:
+def check_map_and_ends(ground: Any, robot: Any, gait: Any, ends: dict[str, np.ndarray]) -> None:
     """Raises `InputError` for a map that this robot cannot be planned on, and for ends that are not on it."""
+    terrain, datum = ground.terrain, ground.datum[:2]
     resolution, origin = float(terrain.resolution), np.asarray(terrain.origin)
     last = origin + resolution * (np.array(terrain.elevation.shape) - 1)
     if resolution > 2.0 * float(robot.foot_radius) + 1e-6:
@@ -88,83 +141,20 @@ def check(terrain: Any, robot: Any, gait: Any, ends: dict[str, np.ndarray]) -> N
         size = " x ".join(f"{x:.2f}" for x in last - origin)
         raise InputError(f"the map is {size} m, but the robot needs {needs:g} m either way to stand on it")
     for name, xy in ends.items():
+        where = f"--{name} {xy[0] + datum[0]:.10g} {xy[1] + datum[1]:.10g}"
         if np.any((xy < origin - 0.5 * resolution) | (xy > last + 0.5 * resolution)):
-            span = " and ".join(f"{a:.2f} to {b:.2f}" for a, b in zip(origin, last))
-            raise InputError(f"--{name} {xy[0]:g} {xy[1]:g} is outside the map, which spans {span} m along x and y")
+            span = " and ".join(f"{a:.2f} to {b:.2f}" for a, b in zip(origin + datum, last + datum))
+            raise InputError(f"{where} is outside the map, which spans {span} m along x and y")
         cell = np.clip(np.round((xy - origin) / resolution).astype(int), 0, np.array(terrain.elevation.shape) - 1)
         if not np.isfinite(terrain.elevation[tuple(cell)]):
-            raise InputError(f"--{name} {xy[0]:g} {xy[1]:g} is on ground that nobody has seen")
+            raise InputError(f"{where} is on ground that nobody has seen")
 
 
-def make(study, robot, robot_name: str, kind: str, terrain, ends, out: Path, figure: list[str] | None) -> int:
-    """Plan, write, show."""
-    import jax
-    from rich.console import Console
-
-    quietly()
-    from jaxleg.planning.navigation import NavigationStatus
-    from jaxleg.search.navigate import navigate, navigator_of, survey_all
-
-    console = Console(width=None if console_is_wide() else 110, highlight=False)
-    navigator = navigator_of(study, robot, study.kinds[kind].gait, float(terrain.resolution))
-    lanes = jax.tree.map(lambda x: np.asarray(x)[None], terrain)
-    start, goal = (ends[name].astype(lanes.elevation.dtype)[None] for name in ("start", "goal"))
-    with console.status("cost map, then path and gaits (compiled on first use)"):
-        surveys = survey_all(navigator, lanes)
-        walked, detours = navigate(navigator, surveys, start, goal)
-    status = NavigationStatus(walked.status[0])
-    if status != NavigationStatus.OK:
-        console.print(f"no walk: {NAMES[status.name]}")
-        return EXIT_INFEASIBLE
-    with console.status("reference"):
-        survey, walk = jax.tree.map(lambda x: x[0], (surveys, walked))
-        planned = jax.jit(navigator.planned)(survey, walk)
-    save(study, robot, robot_name, navigator, terrain, walk, planned, goal[0], out)
-    show(console, walk, planned, int(detours[0]), out)
-    if figure:
-        from jaxleg.viz.navigation import draw_walk, trail
-
-        trunk = np.asarray(walk.states.pose)[: int(walk.count) + 1, :2]
-        draw_walk(terrain, survey.scene.valid, trail(terrain, walk, trunk, start[0], goal[0]), figure[0])
-        console.print(f"picture: {figure[0]}")
-    return 0
-
-
-def console_is_wide() -> bool:
-    """Whether the output is a terminal, whose own width is then used."""
-    import sys
-
-    return sys.stdout.isatty()
-
-
-def save(study, robot, robot_name: str, navigator, terrain, walk, planned, goal, out: Path) -> None:
-    """Write `plan.npz`."""
-    import jax
-
-    from jaxleg.settings import to_table
-    from jaxleg.sim.plan_file import save_plan
-    from jaxleg.terrain.files import MapFile
-
-    count, last = int(walk.count), int(planned.last)
-    reference = jax.tree.map(lambda x: np.asarray(x)[: last + 1], planned.reference)
-    params = {
-        "navigation": to_table(study.navigation),
-        "power": study.power,
-        "friction": study.simulation.friction,
-        "samples_a_step": sum(navigator.samples),
-        "tick": study.navigation.pace.tick,
-        "steps": count,
-    }
-    states = jax.tree.map(lambda x: np.asarray(x)[: count + 1], walk.states)
-    save_plan(out, robot_name, robot, MapFile(terrain, np.zeros(3)), reference, states.feet, states.pose, goal, params)
-
-
-def show(console, walk, planned, detours: int, out: Path) -> None:
-    """The plan in a few lines."""
-    time = float(planned.reference.time[int(planned.last)])
-    cells = np.asarray(walk.path.cells)[: int(walk.path.length)]
-    console.print(f"path of {len(cells)} cells, cost {float(walk.path.cost):.2f}; detours round dead ends: {detours}")
-    console.print(f"{int(walk.count)} steps in {time:.1f} s; {int(walk.visited)} candidate states tried")
-    bend, ratio = np.rad2deg(float(planned.knee_bend)), float(planned.torque_ratio)
-    console.print(f"least knee bend {bend:.1f} deg, greatest torque {100.0 * ratio:.0f} % of its limit")
-    console.print(f"written: {out}")
+def notes(study: Any, kind: str) -> list[str]:
+    """What of CONFIG this planner does not use, though it was set."""
+    gait = study.kinds[kind].gait
+    default = {field.name: field.default for field in dataclasses.fields(gait)}
+    unused = [f"{name} {getattr(gait, name):g}" for name in NEEDLESS if getattr(gait, name) != default[name]]
+    if not unused:
+        return []
+    return [f"not used of kinds.{kind}.gait, paper C's planner has no such number: {', '.join(unused)}"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from jaxleg.cli.options import nothing_left, take
-from jaxleg.cli.start import EXIT_INFEASIBLE, USAGE, configure_jax, quietly
+from jaxleg.cli.start import EXIT_INFEASIBLE, USAGE, configure_jax
 from jaxleg.conventions import InputError
 from jaxleg.files import check_writable
 from jaxleg.settings import write_whole
@@ -32,7 +32,6 @@ def replay(arguments: list[str]) -> int:
     nothing_left(rest)
     path, film = Path(out[0]) if out else source.parent / "replay.json", Path(video[0]) if video else None
     configure_jax()
-    quietly()
     from rich.console import Console
 
     from jaxleg.sim.plan_file import load_plan

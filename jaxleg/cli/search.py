@@ -12,7 +12,7 @@ from jaxleg.conventions import InputError
 
 def search(arguments: list[str]) -> int:
     """`jaxleg search`: read and check everything first, then run the study in its folder."""
-    from jaxleg.robot import RobotFile, build_robot
+    from jaxleg.robot import RobotFile, build_robot, check_robot
     from jaxleg.search.checks import check_study
     from jaxleg.search.config import Kind, Study, robot_path
     from jaxleg.settings import from_command_line, load
@@ -22,8 +22,10 @@ def search(arguments: list[str]) -> int:
     study = from_command_line(Study, study, overrides, prog="jaxleg search CONFIG")
     if source is None:
         raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
-    file = load(RobotFile, robot_path(study, source))
-    configure_jax()
+    path = robot_path(study, source)
+    file = load(RobotFile, path)
+    configure_jax()  # before any array is made, the robot's included
+    check_robot(file, str(path))
     robot = build_robot(file)
     check_study(study, source, leg_numbers(robot))
     return run_study(study, robot, file, out or Path("runs") / Path(source).stem, resume)

@@ -1,7 +1,6 @@
 """What the commands share: usage, exit statuses, and how JAX is configured."""
 
 import contextlib
-import io
 import os
 from pathlib import Path
 
@@ -40,7 +39,7 @@ def configure_jax() -> None:
 
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's back end may not even be installed here
-    if cache := cache_folder(jax.config.jax_compilation_cache_dir):
+    if cache := cache_folder():
         jax.config.update("jax_compilation_cache_dir", str(cache))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_default_matmul_precision", "highest")
@@ -52,13 +51,13 @@ def configure_jax() -> None:
         raise InputError(f"JAX_PLATFORMS is {os.environ.get('JAX_PLATFORMS', '')!r}: {first_line(error)}") from error
 
 
-def cache_folder(chosen: str | None) -> Path | None:
-    """Where compiled programs are kept: JAXLEG_CACHE, else JAX's own choice, else the user's; None where nobody may write."""
+def cache_folder() -> Path | None:
+    """Where compiled programs are kept: as the environment names it, else in the user's cache; None where nobody may write."""
     try:
         users = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jaxleg"
     except RuntimeError:  # a user without a home
         users = None
-    named = os.environ.get("JAXLEG_CACHE") or chosen or users
+    named = os.environ.get("JAXLEG_CACHE") or os.environ.get("JAX_COMPILATION_CACHE_DIR") or users
     with contextlib.suppress(OSError):
         if named:
             Path(named).mkdir(parents=True, exist_ok=True)
@@ -69,9 +68,3 @@ def cache_folder(chosen: str | None) -> Path | None:
 def first_line(error: Exception) -> str:
     """What an error says first."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
-
-
-def quietly() -> None:
-    """Import MJX without its message that the optional Warp back end is not there."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        import mujoco.mjx  # noqa: F401

@@ -4,18 +4,22 @@ An engine is a function `(q, v) -> Terms` for one lane. `mjx_engine` builds it f
 functions on a model made from the `Robot`; no MuJoCo contact takes part. Another engine only has to return the same terms.
 """
 
+import contextlib
+import io
 from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
-from mujoco import mjx
-from mujoco.mjx._src import smooth
 
 from jaxleg.numerics import cross
 from jaxleg.robot import Robot
 from jaxleg.robot.mjcf import robot_mjcf
+
+with contextlib.redirect_stdout(io.StringIO()):  # MJX prints that its optional Warp back end is not there
+    from mujoco import mjx
+    from mujoco.mjx._src import smooth
 
 
 class Terms(NamedTuple):

@@ -36,10 +36,11 @@ class Trail(NamedTuple):
     """A walk seen from above, in W [m]."""
 
     path: np.ndarray  # (n, xy) body path as searched
-    trunk: np.ndarray  # (n, xy) centre of the trunk as simulated
+    trunk: np.ndarray  # (n, xy) centre of the trunk
     feet: np.ndarray  # (stance, leg, xy) footholds, the first stance included
     start: np.ndarray  # (xy)
     goal: np.ndarray
+    simulated: bool = True  # the trunk's way; else as planned
 
 
 class Trials(NamedTuple):
@@ -59,16 +60,23 @@ class Look(NamedTuple):
     stuck: bool
 
 
-def trail(terrain: HeightMap, walked: Walked, trunk: np.ndarray, start: np.ndarray, goal: np.ndarray) -> Trail:
-    """The trail of one lane's plan and of its trunk (n, xyz...) [m] as simulated."""
+def trail(
+    terrain: HeightMap, walked: Walked, trunk: np.ndarray, start: np.ndarray, goal: np.ndarray, simulated: bool = True
+) -> Trail:
+    """The trail of one lane's plan and of its trunk (n, xyz...) [m], `simulated` or as planned."""
     cells = np.asarray(walked.path.cells)[: int(walked.path.length)]
     path = np.asarray(terrain.origin) + float(terrain.resolution) * cells
     feet = np.asarray(walked.states.feet)[: int(walked.count) + 1, :, :2]
-    return Trail(path, np.asarray(trunk)[:, :2], feet, np.asarray(start), np.asarray(goal))
+    return Trail(path, np.asarray(trunk)[:, :2], feet, np.asarray(start), np.asarray(goal), simulated)
 
 
-def draw_walk(terrain: HeightMap, valid: np.ndarray, walk: Trail, path: str | Path) -> None:
-    """Paper C, Fig. 14: body path, trunk and footholds over the elevation; cells (nx, ny) that are not `valid` tinted."""
+def draw_walk(
+    terrain: HeightMap, valid: np.ndarray, walk: Trail, path: str | Path, datum: tuple[float, float] = (0.0, 0.0)
+) -> None:
+    """Paper C, Fig. 14: body path, trunk and footholds over the elevation; cells (nx, ny) that are not `valid` tinted.
+
+    `datum` (x, y) [m] is what the map counts from, written beside the axes' names.
+    """
     left, right, bottom, top = border(terrain)
     wide, high = right - left, top - bottom
     scale = min((WIDTH - 1.5) / wide, WIDTH / high)  # [inches/m]
@@ -81,8 +89,8 @@ def draw_walk(terrain: HeightMap, valid: np.ndarray, walk: Trail, path: str | Pa
     _draw_feet(ax, walk.feet, ms=3.5)
     ax.plot(*walk.start, "s", **end_style())
     ax.plot(*walk.goal, "*", **end_style(13.0))
-    label(ax, "x [m]", "y [m]")
-    legend_below(figure, [*_feet_keys(), *_walk_keys()], 5)
+    label(ax, *(f"{axis} - {far:.0f} [m]" if far else f"{axis} [m]" for axis, far in zip("xy", datum)))
+    legend_below(figure, [*_feet_keys(), *_walk_keys(walk.simulated)], 5)
     save(figure, path)
 
 
@@ -130,10 +138,10 @@ def _feet_keys() -> list[Line2D]:
     return [Line2D([], [], color=colour, label=f"{leg} foothold", **style) for leg, colour in zip(LEGS, LEG_COLOUR)]
 
 
-def _walk_keys() -> list:
+def _walk_keys(simulated: bool) -> list:
     return [
         Line2D([], [], **PATH, label="body path, searched"),
-        Line2D([], [], **TRUNK, label="trunk, simulated"),
+        Line2D([], [], **TRUNK, label="trunk, simulated" if simulated else "trunk, planned"),
         Line2D([], [], marker="s", label="start", **end_style()),
         Line2D([], [], marker="*", label="goal", **end_style(11.0)),
         Patch(**INVALID, label="no foothold"),
