@@ -1,10 +1,15 @@
 """The command line refuses what it cannot use in one sentence, with status 2, and overwrites nothing."""
 
+import dataclasses
 from pathlib import Path
 
 import pytest
 
 from jaxleg.cli import main
+from jaxleg.robot import RobotFile
+from jaxleg.search.config import Study, robot_path
+from jaxleg.search.run_folder import RunFolder
+from jaxleg.settings import dump, load
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 KIND = "[kinds.flat]\ngenerator = 'flat'\n"
@@ -36,6 +41,11 @@ def config(tmp_path):
         ("speed = 'fast'\n" + KIND, ["speed", "fast", "number"]),
         ("speed = -0.1\n" + KIND, ["speed", "-0.1", "above 0"]),
         ("speed = nan\n" + KIND, ["speed", "nan"]),
+        ("speed = 1e-300\n" + KIND, ["speed", "1e-300", "single precision"]),
+        ("seed = 4294967296\n" + KIND, ["seed", "4294967296", "at most 4294967295"]),  # else the same as 0
+        ("seed = 9223372036854775808\n" + KIND, ["seed", "at most 4294967295"]),
+        ("[kinds.'a/b']\n", ["kinds.'a/b'", "letters, digits"]),
+        (KIND + "[terrains]\ncells = [4096, 4096]\n", ["terrains.cells", "4.43e+09", "2.15e+09"]),
         ("speed = \n" + KIND, ["not valid TOML", "line 2"]),
         ("power = 'gross'\n" + KIND, ["power", "gross", "net"]),
         ("[kinds.flat]\ngenerator = 'lava'\n", ["kinds.flat.generator", "lava", "flat"]),
@@ -95,12 +105,9 @@ def test_a_folder_that_holds_another_run_is_left_alone(config, tmp_path, capsys)
 
 
 def test_resume_wants_the_same_config(config, tmp_path, capsys):
-    from jaxleg.search.config import Study
-    from jaxleg.settings import dump, load
-
     source, out = config(KIND), tmp_path / "run"
     out.mkdir()
-    dump(load(Study, source), out / "config.toml")
+    dump(dataclasses.replace(load(Study, source), robot="robot.toml"), out / "config.toml")
     error = refused(capsys, "search", source, "--out", str(out), "--resume", "--seed", "7")
     assert "seed" in error
     assert "7" in error
@@ -109,3 +116,14 @@ def test_resume_wants_the_same_config(config, tmp_path, capsys):
 def test_a_file_where_the_folder_should_be_is_refused(config, tmp_path, capsys):
     (tmp_path / "taken").write_text("")
     assert "taken" in refused(capsys, "search", config(KIND), "--out", str(tmp_path / "taken" / "run"))
+
+
+def test_a_folders_own_config_and_best_answer_are_configs(config, tmp_path):
+    """A run folder holds all that it names: it may be moved, and its robot is the one that it began with."""
+    source, path = config(KIND), tmp_path / "run"
+    robot = load(RobotFile, CONFIGS / "robots" / "pegasus.toml")
+    study = dataclasses.replace(load(Study, source), robot="robot.toml")
+    RunFolder.open(path, {"config": study, "robot": robot}, resume=False).close()
+    moved = path.rename(tmp_path / "moved")
+    assert load(Study, moved / "config.toml") == study
+    assert load(RobotFile, robot_path(study, moved / "config.toml")) == robot

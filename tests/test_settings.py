@@ -31,6 +31,11 @@ class Search:
 
 
 @dataclasses.dataclass(frozen=True)
+class Rate:
+    rate: float = setting(1.0)
+
+
+@dataclasses.dataclass(frozen=True)
 class Study:
     name: str = setting()
     search: Search = setting(Search())
@@ -41,7 +46,7 @@ class Study:
 
 FULL = Study(
     name='a "study" é\n',
-    search=Search(3, (-1e-300, 0.1 + 0.2), (), "sgd", "torque", 5e-324, False),
+    search=Search(3, (-1e-30, 0.1 + 0.2), (), "sgd", "torque", 1.2345678901234567e-37, False),
     rocks=(Rock(0.25), Rock()),
     robots={"lean": Rock(0.5), "a.b c": Rock()},
     extra=Rock(0.75),
@@ -186,3 +191,22 @@ def test_command_line_exits(capsys: pytest.CaptureFixture, args: str, code: int,
     assert caught.value.code == code
     assert [part for part in parts if part not in (said.err if code else said.out)] == []
     assert "Traceback" not in said.err + said.out
+
+
+@pytest.mark.parametrize("value", ["1e-300", "-1e-40", "1e200"])
+def test_numbers_that_single_precision_cannot_hold(tmp_path: Path, value: str) -> None:
+    (tmp_path / "a.toml").write_text(f"rate = {value}\n")
+    with pytest.raises(InputError, match=r"a.toml: rate is .* single precision"):
+        load(Rate, tmp_path / "a.toml")
+
+
+def test_byte_order_mark(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_bytes(b"\xef\xbb\xbfrate = 2.0\n")
+    assert load(Rate, tmp_path / "a.toml") == Rate(2.0)
+
+
+def test_keys_nested_thousands_deep(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text("rate." + ".".join("a" * 5000) + " = 1\n")
+    with pytest.raises(InputError, match=r"a.toml: rate is .*, but must be a number") as caught:
+        load(Rate, tmp_path / "a.toml")
+    assert len(str(caught.value)) < 300

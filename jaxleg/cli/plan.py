@@ -54,13 +54,12 @@ def read(rest: list[str]) -> Task:
     out, figure, name = (take(rest, option) for option in ("out", "figure", "gait"))
     if not 0.0 <= difficulty <= 1.0:
         raise InputError(f"command line: --difficulty is {difficulty:g}, but must be from 0 to 1")
-    paths = outputs(out, figure)
     study, file, robot = read_config(rest)
     kind = gait_kind(study, name[0] if name else None, source)
     ground = find_terrain(study, source, difficulty)
     ends = {name: xy - ground.datum[:2] for name, xy in ends.items()}
     check_map_and_ends(ground, robot, study.kinds[kind].gait, ends)
-    return Task(study, file, robot, kind, ground, ends, *paths)
+    return Task(study, file, robot, kind, ground, ends, *outputs(out, figure))
 
 
 def outputs(out: list[str] | None, figure: list[str] | None) -> tuple[Path, Path | None]:

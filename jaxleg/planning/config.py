@@ -33,7 +33,7 @@ class TreeSettings:
     """Candidate states and their search (C13, C14)."""
 
     depth: int = setting(4, min=1, max=64, help="steps that must stand before the first is settled; four to a cycle")
-    budget: int = setting(3000, min=1, help="most candidates tried on a walk")
+    budget: int = setting(3000, min=1, max=10**9, help="most candidates tried on a walk")
     footholds: int = setting(12, min=1, max=200, help="candidates a step")
     heights: int = setting(5, min=1, max=21, help="candidate heights")
     pitches: int = setting(3, min=1, max=21, help="candidate pitches")
@@ -47,7 +47,7 @@ class TreeSettings:
     cost_weight: float = setting(1.0, min=0.0, max=100.0, help="of a foothold's cost in the order of footholds")
     distance_weight: float = setting(0.3, min=0.0, max=100.0, help="of its distance to the default one")
     energy_weight: float = setting(1.0, min=0.0, max=100.0, help="of a step's energy over `energy` (order = energy)")
-    energy: float = setting(50.0, above=0.0, unit="J", help="of a step, that counts as much as the dearest foothold")
+    energy: float = setting(50.0, above=0.0, max=1e6, unit="J", help="of a step, that counts as much as the dearest foothold")
     prune: bool = setting(True, help="the paper's three rules")
 
 

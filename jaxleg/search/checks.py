@@ -10,6 +10,8 @@ from jaxleg.planning.rectangle import bounding_sides
 from jaxleg.search.config import Rectangle, Study
 from jaxleg.terrain.generators import KINDS
 
+MOST_CELLS = 2**31  # of all maps of a study together: 8 GiB
+
 
 class Legs(NamedTuple):
     """The robot's numbers [m] that a study is checked against."""
@@ -30,6 +32,12 @@ def check_study(study: Study, source: str, legs: Legs) -> None:
                 f"{source}: terrains.{key} is {getattr(study.terrains, key)}, but must be at least"
                 f" {len(study.kinds)}, one for each of kinds"
             )
+    cells = study.terrains.cells[0] * study.terrains.cells[1] * max(study.terrains.train, study.terrains.held_out)
+    if cells > MOST_CELLS:
+        raise InputError(
+            f"{source}: terrains.train and terrains.held_out times terrains.cells make {cells:.3g} cells, but no more than"
+            f" {MOST_CELLS:.3g} are allowed"
+        )
     for name, kind in study.kinds.items():
         if kind.generator not in KINDS:
             allowed = ", ".join(sorted(KINDS))

@@ -89,10 +89,10 @@ class Kind:
 
 @dataclasses.dataclass(frozen=True)
 class Terrains:
-    """How many terrains, and how large their maps are."""
+    """How many terrains, and how large their maps are; their numbers stay below `sites.HELD_OUT`."""
 
-    train: int = setting(264, min=1, help="training terrains, over all kinds")
-    held_out: int = setting(96, min=1, help="held-out terrains, over all kinds")
+    train: int = setting(264, min=1, max=1_000_000, help="training terrains, over all kinds")
+    held_out: int = setting(96, min=1, max=1_000_000, help="held-out terrains, over all kinds")
     cells: tuple[int, int] = setting((112, 52), min=8, max=4096, help="map size along x and y")
     resolution: float = setting(0.02, min=0.005, max=0.2, unit="m", help="size of a cell")
     # 0.7, the first author's later choice, narrows a 0.30 m tread to 9 cells; on stairs the margin then fell below zero
@@ -124,19 +124,19 @@ class Cog:
 class Search:
     """The descent on the proxy, the ranking and the polish in simulation."""
 
-    starts: int = setting(5, min=1, help="random starts of each of the three searches")
-    lanes: int = setting(2, min=1, help="terrains a start sees in one step")
-    steps: int = setting(90, min=1, help="steps of the descent")
+    starts: int = setting(5, min=1, max=10_000, help="random starts of each of the three searches")
+    lanes: int = setting(2, min=1, max=1_000_000, help="terrains a start sees in one step")
+    steps: int = setting(90, min=1, max=1_000_000, help="steps of the descent")
     learning_rate: float = setting(0.15, above=0.0, max=10.0)
-    candidates: int = setting(2, min=1, help="best starts that are ranked in simulation")
-    rank_lanes: int = setting(16, min=1, help="terrains for the ranking")
+    candidates: int = setting(2, min=1, max=10_000, help="best starts that are ranked in simulation")
+    rank_lanes: int = setting(16, min=1, max=1_000_000, help="terrains for the ranking")
     polish_steps: int = setting(2, min=0, max=5, help="gradients in simulation")
     polish_lanes: int = setting(16, min=1, max=32, help="terrains a gradient in simulation sees")
     polish_rate: float = setting(0.1, above=0.0, max=10.0, help="length of a polishing step")
     margin_reserve: float = setting(0.003, min=0.0, max=0.1, unit="m", help="stability margin kept above the baseline's")
-    proxy_gaits: int = setting(32, min=4, help="random gaits on which proxy and simulation are compared")
-    referee_terrains: int = setting(24, min=0, help="held-out terrains replayed in C MuJoCo")
-    resamples: int = setting(2000, min=100, help="bootstrap resamples")
+    proxy_gaits: int = setting(32, min=4, max=1_000_000, help="random gaits on which proxy and simulation are compared")
+    referee_terrains: int = setting(24, min=0, max=1_000_000, help="held-out terrains replayed in C MuJoCo")
+    resamples: int = setting(2000, min=100, max=100_000, help="bootstrap resamples")
 
 
 @dataclasses.dataclass(frozen=True)

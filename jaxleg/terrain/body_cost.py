@@ -32,7 +32,7 @@ class BodySettings:
     step_radius: float = setting(0.10, above=0.0, max=10.0, unit="m", help="of the sliding window of the step height")
     critical_slope: float = setting(1.0, above=0.0, below=1.57, unit="rad", help="a steeper line to a neighbour is a step")
     critical_step: float = setting(0.12, above=0.0, max=10.0, unit="m", help="a greater difference is a step (step = count)")
-    critical_count: int = setting(10, min=1, help="n_cr: cells with a step that make a full step")
+    critical_count: int = setting(10, min=1, max=10**6, help="n_cr: cells with a step that make a full step")
     roughness: Literal["deviation", "residual"] = setting("deviation", help="of elevation (C), or from the plane, over n - 1")
     step: Literal["own_neighbour", "count"] = setting("own_neighbour", help="as in paper C, or as in the published filters")
 

@@ -2,30 +2,40 @@
 
 import dataclasses
 import json
+import shutil
 from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
 
-from jaxleg.robot import RobotFile, build_robot
+from jaxleg.robot import load_robot
 from jaxleg.search import run as runs
-from jaxleg.search.config import Kind, Search, Simulation, Study, Terrains
+from jaxleg.search.config import Study, robot_path
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.search.study import run
-from jaxleg.settings import load
+from jaxleg.settings import dump, load
 
-ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
-STUDY = Study(
-    kinds={"flat": Kind(least_knee_bend_deg=35.0), "rough": Kind("rough"), "stairs": Kind("stairs")},
-    terrains=Terrains(train=6, held_out=6, cells=(56, 26), resolution=0.04),
-    search=Search(
-        starts=2, steps=11, candidates=1, rank_lanes=2, polish_steps=1, polish_lanes=2, proxy_gaits=4, referee_terrains=3
-    ),
-    simulation=Simulation(shift_samples=20, swing_samples=16, steps=3, chunk=4),
+CONFIG = Path(__file__).parents[2] / "configs/quickstart.toml"
+SHORT = dict(
+    starts=2, lanes=2, steps=3, candidates=1, rank_lanes=2, polish_steps=1, polish_lanes=4, proxy_gaits=8, referee_terrains=3
 )
 
 pytestmark = pytest.mark.slow
+
+
+def short() -> Study:
+    """The quickstart in short, as .ci/run runs it: both compile the same programs."""
+    study = load(Study, CONFIG)
+    return dataclasses.replace(
+        study,
+        terrains=dataclasses.replace(study.terrains, train=12, held_out=6),
+        search=dataclasses.replace(study.search, **SHORT),
+        simulation=dataclasses.replace(study.simulation, chunk=8),
+    )
+
+
+STUDY = short()
 
 
 class Killed(BaseException):
@@ -36,13 +46,15 @@ class Killed(BaseException):
 def single():
     """float32; conftest.py asks for float64."""
     jax.config.update("jax_enable_x64", False)
+    jax.config.update("jax_default_matmul_precision", "highest")
     yield
+    jax.config.update("jax_default_matmul_precision", None)
     jax.config.update("jax_enable_x64", True)
 
 
 @pytest.fixture(scope="module")
 def robot(single):
-    return build_robot(load(RobotFile, ROBOT))
+    return load_robot(robot_path(STUDY, CONFIG))
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -114,9 +126,15 @@ def test_copies_of_one_terrain_count_once(answer):
 
 
 @pytest.mark.parametrize("number", [0, 1])
-def test_few_or_no_terrains_for_the_referee(answer, tmp_path, robot, number):
+def test_few_or_no_terrains_for_the_referee(answer, whole, tmp_path, robot, number):
+    """The finished run once more, only the referee's stages anew."""
     study = dataclasses.replace(STUDY, search=dataclasses.replace(STUDY.search, referee_terrains=number))
-    result, _, _ = search(tmp_path / "run", robot, resume=False, study=study)
+    shutil.copytree(whole, tmp_path / "run")
+    dump(study, tmp_path / "run" / "config.toml")
+    for stage in (tmp_path / "run" / "checkpoints").glob("*referee"):
+        shutil.rmtree(stage)
+    result, _, saved = search(tmp_path / "run", robot, resume=True, study=study)
+    assert len(saved) == 3
     assert result["terrains"]["by_kind"]["referee"] == {"flat": number, "rough": 0, "stairs": 0}
     assert result["saving"]["mujoco"]["best"]["rough"]["net"] == {"mean": None, "ci95": None}
     assert result["best"] == answer[0]["best"]
