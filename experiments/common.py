@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import json
 import os
 import platform
 import time
@@ -19,6 +18,7 @@ with contextlib.redirect_stdout(io.StringIO()):  # MJX prints that its optional 
     from jaxleg.search.lanes import Lab, Setting
 
 from jaxleg.cli import configure_jax
+from jaxleg.files import write_json
 from jaxleg.robot import load_robot
 from jaxleg.search.config import Study, robot_path
 from jaxleg.search.descent import Lanes
@@ -57,10 +57,9 @@ def timed(function: Callable[..., Any], *arguments: Any, repeats: int = 3) -> fl
 def write(name: str, out: Path | None, result: dict[str, Any]) -> None:
     """Write runs/NAME/result.json with versions and hardware beside the numbers."""
     folder = out or Path("runs") / name
-    folder.mkdir(parents=True, exist_ok=True)
     about = {
         "versions": {package: version(package) for package in ("jax", "mujoco", "mujoco-mjx", "numpy")},
         "hardware": {"machine": platform.machine(), "cores": os.cpu_count(), "device": str(jax.devices()[0])},
     }
-    (folder / "result.json").write_text(json.dumps(result | about, indent=2) + "\n")
+    write_json(folder / "result.json", result | about)
     print(f"written: {folder / 'result.json'}")
