@@ -1,6 +1,5 @@
 """What the experiments share: the quickstart's lab and terrains, timing, and where results go."""
 
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from jaxleg.about import about
 from jaxleg.cli import configure_jax
+from jaxleg.files import write_json
 from jaxleg.robot import load_robot
 from jaxleg.search.config import Study, robot_path
 from jaxleg.search.descent import Lanes
@@ -51,6 +51,5 @@ def timed(function: Callable[..., Any], *arguments: Any, repeats: int = 3) -> fl
 def write(name: str, out: Path | None, result: dict[str, Any]) -> None:
     """Write runs/NAME/result.json with versions and hardware beside the numbers."""
     folder = out or Path("runs") / name
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "result.json").write_text(json.dumps(result | about(), indent=2) + "\n")
+    write_json(folder / "result.json", result | about())
     print(f"written: {folder / 'result.json'}")

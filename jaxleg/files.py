@@ -1,9 +1,12 @@
 """Files that are replaced whole or not at all."""
 
 import contextlib
+import json
+import math
 import os
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
+from typing import Any
 
 from jaxleg.conventions import InputError
 
@@ -23,6 +26,23 @@ def replace_whole(path: str | Path, write: Callable[[Path], object]) -> None:
         finally:
             with contextlib.suppress(OSError):  # the first failure is the one to tell
                 part.unlink(missing_ok=True)
+
+
+def write_json(path: str | Path, value: Any) -> None:
+    """Write JSON whole, null for what is not finite, lists for arrays. Raises `InputError` as `replace_whole`."""
+    text = json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
+    replace_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
+
+
+def plain(value: Any) -> Any:
+    """As JSON can hold it."""
+    if hasattr(value, "tolist"):  # arrays and numbers of numpy and JAX
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {name: plain(entry) for name, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def check_writable(path: str | Path) -> None:

@@ -140,8 +140,11 @@ def _data(path: Path, archive: zipfile.ZipFile, key: str, member: zipfile.ZipInf
 
 
 def _unreadable(path: Path, error: Exception, key: str = "") -> InputError:
-    fault = "it is damaged or holds no plain array" if key else "it is not a .npz file of plain arrays"
-    reason = getattr(error, "strerror", None) or ("it does not fit into memory" if isinstance(error, MemoryError) else fault)
+    reason = "it is damaged or holds no plain array" if key else "it is not a .npz file of plain arrays"
+    if isinstance(error, MemoryError):
+        reason = "it does not fit into memory"
+    elif isinstance(error, OSError) and not key:
+        reason = error.strerror or reason
     return InputError(f"{path}: {key}{' ' if key else ''}cannot be read: {reason}")
 
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.plan import Reference
-from jaxleg.planning.posture import joint_angles
+from jaxleg.planning.posture import joint_angles, trunk_quaternion
 from jaxleg.robot import Robot
 from jaxleg.sim.plan_file import save_plan
 from jaxleg.terrain.files import MapFile
@@ -20,13 +20,13 @@ SHIFT, EACH, SECONDS = 8, 16, 1.0  # samples of the last shift and of a step
 PARAMS = {"friction": 0.8, "samples_a_step": EACH, "tick": 0.0025, "steps": 1, "power": "positive"}
 
 
-def standing(robot: Robot) -> Reference:
-    """A second of standing over `FEET`."""
+def standing(robot: Robot, turn: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Reference:
+    """A second of standing over `FEET`, the trunk turned by (pitch, roll, yaw) [rad]."""
     count = EACH + SHIFT + 1
     feet = jnp.asarray(FEET, float).at[:, 2].add(robot.contact_radius)
-    angles, _ = jax.jit(joint_angles)(robot, jnp.asarray([*TRUNK, 0.0, 0.0, 0.0], float), feet)
-    zero, upright = np.zeros((4, 3)), np.array([1.0, 0.0, 0.0, 0.0])
-    rows = (angles, zero, zero, TRUNK, upright, np.zeros(6), feet, np.ones(4))
+    angles, _ = jax.jit(joint_angles)(robot, jnp.asarray([*TRUNK, *turn], float), feet)
+    zero, quaternion = np.zeros((4, 3)), jax.jit(trunk_quaternion)(jnp.asarray(turn, float))
+    rows = (angles, zero, zero, TRUNK, quaternion, np.zeros(6), feet, np.ones(4))
     return Reference(np.linspace(0.0, SECONDS, count), *(np.repeat(np.asarray(x)[None], count, axis=0) for x in rows))
 
 
@@ -35,7 +35,8 @@ def save_standing(path: Path, robot: Robot, elevation: np.ndarray | None = None,
     elevation = np.zeros((60, 50)) if elevation is None else elevation
     terrain = HeightMap(elevation, np.zeros(2), np.array(0.04))
     ground = MapFile(terrain, np.zeros(3) if datum is None else datum)
-    save_plan(path, "standing", robot, ground, standing(robot), np.stack([FEET, FEET]), np.zeros((2, 6)), TRUNK[:2], PARAMS)
+    walk = standing(robot)
+    save_plan(path, "standing", robot, ground, walk, walk.foot_pos[[0, EACH]], np.zeros((2, 6)), TRUNK[:2], PARAMS)
     return path
 
 

@@ -1,15 +1,18 @@
 """Files are replaced whole or not at all: a full disk, a failure half-way, names that cannot be written."""
 
+import json
 import os
 import subprocess
 import sys
 import zipfile
+from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxleg.conventions import InputError
-from jaxleg.files import check_writable, replace_whole
+from jaxleg.files import check_writable, replace_whole, write_json
 from jaxleg.npz import write_npz
 from jaxleg.settings import write_whole
 
@@ -25,6 +28,7 @@ try:
 except InputError as error:
     print(error)
 """
+ROOT = Path(__file__).parents[1]
 NOISE = "np.random.default_rng(0).normal(size=(100, 100))"
 WRITERS = {
     "text": "from jaxleg.settings import write_whole\nwrite = lambda path: write_whole(path, 'x' * 20000)",
@@ -32,6 +36,10 @@ WRITERS = {
     "map": f"""from jaxleg.terrain.files import MapFile, save_map
 from jaxleg.terrain.heightmap import HeightMap
 write = lambda path: save_map(MapFile(HeightMap({NOISE}, np.zeros(2), np.array(0.04)), np.zeros(3)), path)""",
+    "plan": f"""from jaxleg.robot import load_robot
+from tests.plans import save_standing
+robot = load_robot("configs/robots/pegasus.toml")
+write = lambda path: save_standing(path, robot, {NOISE})""",
 }
 
 
@@ -41,7 +49,7 @@ def test_a_full_disk_leaves_the_earlier_file(tmp_path, name):
     path = tmp_path / "good"
     path.write_text("the earlier one")
     code = FULL.format(write=WRITERS[name])
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False, cwd=ROOT)
     assert done.stdout == f"{path}: cannot be written: File too large\n", done.stderr
     assert path.read_text() == "the earlier one"
     assert os.listdir(tmp_path) == ["good"]
@@ -102,3 +110,21 @@ def test_a_check_beforehand_leaves_a_file_as_it_was(tmp_path):
     check_writable(tmp_path / "new" / "one")
     assert (tmp_path / "good").read_text() == "as it was"
     assert os.listdir(tmp_path / "new") == []
+
+
+def test_json_holds_null_for_what_is_not_finite(tmp_path):
+    nan = float("nan")
+    value = {
+        "a": [nan, 1.0],
+        "b": (np.float32(np.inf), 2),
+        "c": {"d": np.array([[-np.inf, 3.0]])},
+        "e": jnp.array(nan),
+        "f": True,
+    }
+    write_json(tmp_path / "new" / "a.json", value)
+
+    def refuse(word):
+        raise AssertionError(f"{word} is not JSON")
+
+    read = json.loads((tmp_path / "new" / "a.json").read_text(), parse_constant=refuse)
+    assert read == {"a": [None, 1.0], "b": [None, 2], "c": {"d": [[None, 3.0]]}, "e": None, "f": True}

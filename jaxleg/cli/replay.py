@@ -1,6 +1,5 @@
 """`jaxleg replay PLAN --engine mjx or mujoco`: a plan in simulation."""
 
-import json
 import os
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,7 @@ import numpy as np
 from jaxleg.cli.options import nothing_left, take
 from jaxleg.cli.start import EXIT_INFEASIBLE, USAGE, configure_jax
 from jaxleg.conventions import InputError
-from jaxleg.files import check_writable
-from jaxleg.settings import write_whole
+from jaxleg.files import check_writable, write_json
 
 FRAME, SPEED = 0.5, 4.0  # between the pictures of a video [s], and how many times as fast it runs
 
@@ -41,7 +39,7 @@ def replay(arguments: list[str]) -> int:
     check_outputs(source, path, film)
     with Console().status(f"simulating {float(file.reference.time[-1]):.0f} s"):
         result, frames = {"mjx": replay_mjx, "mujoco": replay_mujoco}[engine](file, FRAME)
-    write_whole(path, json.dumps(finite(result | {"plan": str(source)}), indent=2, allow_nan=False) + "\n")
+    write_json(path, result | {"plan": str(source)})
     show(result)
     print(f"written: {path}")
     if film:
@@ -61,13 +59,6 @@ def check_outputs(source: Path, result: Path, film: Path | None) -> None:
         raise InputError(f"command line: PLAN, --out and --video must be different files, not {', '.join(map(str, paths))}")
     for path in paths[1:]:
         check_writable(path)
-
-
-def finite(value: Any) -> Any:
-    """The same with None for every number that JSON has no word for."""
-    if isinstance(value, dict):
-        return {key: finite(entry) for key, entry in value.items()}
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def show(result: dict[str, Any]) -> None:

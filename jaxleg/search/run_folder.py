@@ -16,7 +16,6 @@ import csv
 import functools
 import io
 import json
-import math
 import re
 import shutil
 from collections.abc import Generator, Mapping
@@ -30,6 +29,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.conventions import InputError
+from jaxleg.files import plain, write_json
 from jaxleg.settings import dump, load, to_table, write_whole
 
 Tree = TypeVar("Tree")
@@ -123,12 +123,12 @@ class RunFolder:
             return
         header = [] if self._written else [HISTORY]
         with _using(self.history), self.history.open("a", newline="", encoding="utf-8") as file:
-            csv.writer(file, lineterminator="\n").writerows([*header, _plain([row[name] for name in HISTORY])])
+            csv.writer(file, lineterminator="\n").writerows([*header, plain([row[name] for name in HISTORY])])
         self._written.add(key)
 
     def write_result(self, result: Mapping[str, Any]) -> None:
         """Write result.json, null for what is not finite. Raises `InputError` if it cannot be written."""
-        write_whole(self.result, json.dumps(_plain(result), indent=2, allow_nan=False) + "\n")
+        write_json(self.result, result)
 
     def _require(self, tables: Mapping[str, Any], resume: bool) -> None:
         if not resume:
@@ -159,7 +159,7 @@ class RunFolder:
             raise InputError(f"{self.path}: another process is at work in this folder; give another --out") from error
 
     def _begin(self, tables: Mapping[str, Any], about: Mapping[str, str]) -> None:
-        write_whole(self.about, json.dumps(about, indent=2) + "\n")
+        write_json(self.about, about)
         for name in sorted(tables, key="config".__eq__):  # config.toml last: it makes the folder a run's
             dump(tables[name], self.path / f"{name}.toml")
 
@@ -260,14 +260,3 @@ def _dotted(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     for name, value in table.items():
         flat |= _dotted(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
     return flat
-
-
-def _plain(value: Any) -> Any:
-    """As JSON can hold it."""
-    if isinstance(value, (np.ndarray, np.generic, jax.Array)):
-        value = np.asarray(value).tolist()
-    if isinstance(value, Mapping):
-        return {name: _plain(entry) for name, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

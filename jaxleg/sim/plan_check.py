@@ -23,6 +23,7 @@ DAY = 86400.0  # longest walk [s]
 PAUSE = 60.0  # most between two samples [s]
 UNIT, TURN = 1e-3, 0.9  # allowed error of a length 1; least cosine of half the trunk's turn from a sample to the next
 SHORTEST = 0.01  # thigh and shank [m]
+APART = 0.01  # most between a planned foot and where the joint angles put it [m]
 
 
 class Numbers(NamedTuple):
@@ -93,10 +94,10 @@ def checked_params(path: Any, text: str) -> dict[str, Any]:
     """`params` as a table. Raises `InputError` naming the file and the key."""
     try:
         table = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: params is no JSON") from error
+    except (ValueError, RecursionError):
+        table = None
     if not isinstance(table, dict):
-        raise InputError(f"{path}: params is a JSON {type(table).__name__}, but must be an object")
+        raise InputError(f"{path}: params is no JSON object")
     names = [field.name for field in dataclasses.fields(Params)]
     build(Params, {name: table[name] for name in names if name in table}, f"{path}: params")
     return table
@@ -112,7 +113,9 @@ def check_plan(path: Any, arrays: Mapping[str, np.ndarray], params: Mapping[str,
     _check_time(path, arrays["time"], params["tick"])
     _check_counts(path, arrays["valid"], len(arrays["footholds"]), params)
     _check_turns(path, arrays["base_quat"])
-    _check_robot(path, {name: arrays[f"robot/{name}"] for name in ROBOT})
+    robot = {name: arrays[f"robot/{name}"] for name in ROBOT}
+    _check_robot(path, robot)
+    _check_feet(path, robot, arrays, params["samples_a_step"])
 
 
 def _first(value: np.ndarray, low: float, high: float) -> str:
@@ -170,3 +173,39 @@ def _check_robot(path: Any, robot: Mapping[str, np.ndarray]) -> None:
     for key in ("trunk_inertia", "link_inertia"):
         if np.any(2.0 * robot[key].max(axis=-1) > robot[key].sum(axis=-1)):
             raise InputError(f"{path}: robot/{key} has a moment that is greater than the other two together")
+
+
+def _check_feet(path: Any, robot: Mapping[str, np.ndarray], arrays: Mapping[str, np.ndarray], each: int) -> None:
+    """The joint angles must put the feet where the plan has them, and each step begin on its footholds."""
+    in_trunk = _feet(robot, arrays["joint_pos"])
+    real, vector = arrays["base_quat"][:, 0], arrays["base_quat"][:, 1:]
+    length = np.linalg.norm(vector, axis=1)
+    turn = _rotation(2.0 * np.arctan2(length, real), vector / np.maximum(length, 1e-12)[:, None])
+    feet = arrays["base_pos"][:, None] + np.einsum("tab,tlb->tla", turn, in_trunk)
+    starts = arrays["foot_pos"][np.arange(len(arrays["footholds"])) * each]
+    cause = "where joint_pos, base_pos and base_quat put it"
+    _check_near(path, "foot_pos", arrays["foot_pos"], feet, cause)
+    _check_near(path, "footholds", arrays["footholds"], starts, "foot_pos as the step begins")
+
+
+def _check_near(path: Any, key: str, feet: np.ndarray, others: np.ndarray, cause: str) -> None:
+    apart = np.linalg.norm(feet - others, axis=-1)
+    if np.any(apart > APART):
+        at, leg = (int(i) for i in np.argwhere(apart > APART)[0])
+        raise InputError(f"{path}: {key} of {LEGS[leg]} at {at} is {apart[at, leg]:.3g} m from {cause}")
+
+
+def _feet(robot: Mapping[str, np.ndarray], angles: np.ndarray) -> np.ndarray:
+    """Foot centres (T, leg, 3) in B [m] by the rotations about each joint's axis."""
+    place, turn = robot["hip_position"], np.eye(3)
+    for joint in range(3):
+        turn = turn @ _rotation(angles[:, :, joint], robot["joint_axis"][:, joint])
+        place = place + (turn @ robot["link_offset"][:, joint, :, None])[..., 0]
+    return place
+
+
+def _rotation(angle: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Rotation matrices by Rodrigues's formula; leading axes of both broadcast."""
+    across = -np.cross(axis[..., None, :], np.eye(3))
+    sine, cosine = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
+    return np.eye(3) + sine * across + (1.0 - cosine) * across @ across

@@ -23,6 +23,7 @@ LEAST = 4  # cells along each axis that a surface needs
 RESOLUTIONS = (1e-3, 10.0)  # [m per cell]; outside it, a unit is wrong
 FARTHEST = 1e8  # of any coordinate from zero [m]: five times the greatest of the maps of the earth
 HIGHEST = 3e4  # of any height from zero [m]: three times that of the earth
+NO_DATA = -9999.0  # [m], by a wide-spread habit; others are no heights, or lie far from the rest
 CLIFF = 1500.0  # [m]; no greater range of heights is empty on the earth
 STEEPEST, LEAST_RELIEF = 10.0, 50.0  # all heights of a map lie within so many times its diagonal, or within so much [m]
 UNIT = 64.0  # of a datum [m]
@@ -93,6 +94,8 @@ def _check_heights(path: str | Path, elevation: np.ndarray, diagonal: float) -> 
     if abs(worst) > HIGHEST:
         cells = np.sum(seen == worst)
         raise InputError(f"{path}: elevation is {worst:g} m in {cells} cells, which is no height; unseen ones must be NaN")
+    if low == high == NO_DATA:
+        raise InputError(f"{path}: elevation is {low:g} m in all cells seen; unseen ones must be NaN")
     steps = np.diff(seen)
     at = int(np.argmax(steps))
     if steps[at] > CLIFF or high - low > max(STEEPEST * diagonal, LEAST_RELIEF):

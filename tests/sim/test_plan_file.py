@@ -12,7 +12,7 @@ from jaxleg.robot import Robot
 from jaxleg.sim.plan_check import LAYOUTS, ROBOT
 from jaxleg.sim.plan_file import load_plan
 from jaxleg.terrain.files import load_map
-from tests.plans import EACH, FEET, PARAMS, SHIFT, TRUNK, arrays_of, save_standing, standing, with_params
+from tests.plans import EACH, PARAMS, SHIFT, TRUNK, arrays_of, save_standing, standing, with_params
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def test_a_plan_comes_back_as_it_was(tmp_path, pegasus):
         np.testing.assert_array_equal(mine, given)
     np.testing.assert_array_equal(file.terrain.elevation, elevation)
     np.testing.assert_array_equal(file.datum, datum)
-    np.testing.assert_array_equal(file.footholds, [FEET, FEET])
+    np.testing.assert_array_equal(file.footholds, standing(pegasus).foot_pos[[0, EACH]])
     np.testing.assert_array_equal(file.goal, TRUNK[:2])
     assert file.params == PARAMS
     assert file.samples == EACH
@@ -172,6 +172,22 @@ def test_numbers_that_do_not_fit_together(tmp_path, good, key, place, value, wor
         return
     message = refusal(tmp_path, changes)
     assert [word for word in words if word not in message] == []
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.1, -0.08, 0.3), (-0.05, 0.1, -0.2)])
+def test_the_feet_are_where_the_angles_put_them(tmp_path, pegasus, good, turn):
+    """The numbers come from the inverse kinematics; a joint off by 0.05 rad moves the foot by more than a centimetre."""
+    reference = standing(pegasus, turn)
+    pose = {"joint_pos": reference.joint_pos, "base_quat": reference.trunk_quat, "foot_pos": reference.foot_pos}
+    pose = {key: np.asarray(value) for key, value in pose.items()}
+    np.savez(tmp_path / "good.npz", **(good | pose))
+    load_plan(tmp_path / "good.npz")
+    bent = good | pose | changed(pose, "joint_pos", (7, 2, 1), pose["joint_pos"][7, 2, 1] + 0.05)
+    assert "foot_pos of LH at 7 is 0.0" in refusal(tmp_path, bent)
+    for key, value in (("base_pos", good["base_pos"] + 0.02), ("robot/hip_position", 1.1 * good["robot/hip_position"])):
+        assert "foot_pos of LF at 0 is" in refusal(tmp_path, good | pose | {key: value})
+    moved = changed(good, "footholds", (1, 3, 0), 0.8)
+    assert "footholds of RH at 1 is 0.06 m from foot_pos as the step begins" in refusal(tmp_path, good | pose | moved)
 
 
 def test_time_must_rise_in_the_precision_it_is_used_in(tmp_path, good):

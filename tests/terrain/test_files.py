@@ -84,6 +84,7 @@ def test_a_datum_in_the_file_is_what_its_numbers_count_from(tmp_path):
     ("changes", "words"),
     [
         ({"elevation": np.full((5, 6), np.nan)}, ["elevation", "NaN", "5 x 6"]),
+        ({"elevation": np.full((5, 6), -9999.0)}, ["elevation is -9999 m in all cells", "NaN"]),
         ({"elevation": np.full((5, 6), np.inf)}, ["elevation", "infinite", "30"]),
         ({"elevation": np.zeros((3, 6))}, ["elevation", "3 x 6", "4 x 4"]),
         ({"elevation": np.zeros((0, 6))}, ["elevation", "0 x 6", "4 x 4"]),
