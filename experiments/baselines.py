@@ -19,7 +19,6 @@ import tyro
 from experiments.common import CONFIG, setup, training, write
 from experiments.slow_walk import SPEED, STAND_SHARE, search_gait, slow
 from jaxleg.energy import CONVENTIONS, electrical, motor_power
-from jaxleg.plan import PlanStatus
 from jaxleg.planning.reference import instant
 from jaxleg.robot import RobotFile, build_robot
 from jaxleg.search.batches import over_lanes

@@ -12,7 +12,7 @@ import numpy as np
 from experiments.common import setup, training, write
 from experiments.slow_walk import SPEED, STAND, STAND_SHARE, Trace, mean_over_time, power_over_time, search_gait, slow, walks
 from jaxleg.energy import CONVENTIONS, cost_of_transport
-from jaxleg.plan import PlanChecks, PlanStatus
+from jaxleg.plan import PlanChecks
 from jaxleg.search.config import PARAMETERS, Study, baseline
 from jaxleg.search.contest import keeps_limits
 from jaxleg.search.descent import Lanes

@@ -85,7 +85,7 @@ def _spans(geometry: Geometry) -> Spans:
 def _standing(geometry: Geometry, spans: Spans) -> _Standing:
     """Standing postures with the joints in these ranges: paper A, equation (2), over a grid of angles."""
     axes = [np.deg2rad([*np.linspace(*span, count), np.clip(0.0, *span)]) for span, count in zip(spans, SAMPLES)]
-    angles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    angles: np.ndarray = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     hip, thigh, shank = angles[:, 0], angles[:, 1], angles[:, 1] + angles[:, 2]
     knee_x, knee_drop = geometry.thigh * np.sin(thigh), geometry.thigh * np.cos(thigh)
     x, drop = knee_x + geometry.shank * np.sin(shank), knee_drop + geometry.shank * np.cos(shank)

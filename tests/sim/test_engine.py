@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from jaxleg.sim.engine import mjx_engine
 from jaxleg.robot.mjcf import robot_mjcf
+from jaxleg.sim.engine import mjx_engine
 
 
 @pytest.fixture(scope="module")
