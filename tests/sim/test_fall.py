@@ -28,7 +28,7 @@ X, Y = (np.asarray(LEVEL.origin)[i] + 0.04 * np.arange(n) for i, n in enumerate(
 
 def block(x, y, z):
     """Level ground with a block of this height between two x and two y."""
-    inside = ((X >= x[0]) & (X <= x[1]))[:, None] & ((Y >= y[0]) & (Y <= y[1]))
+    inside = ((x[0] <= X) & (x[1] >= X))[:, None] & ((y[0] <= Y) & (y[1] >= Y))
     return np.where(inside, z, 0.0)
 
 
