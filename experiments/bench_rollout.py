@@ -35,6 +35,7 @@ from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import CYCLES, Lab, Setting
 from jaxleg.search.referees import unstack
 from jaxleg.sim import referee
+from jaxleg.sim.model import STEP, build_model
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain.generators import Grid, TerrainSettings, terrain_batch
 
@@ -111,7 +112,7 @@ def walk_energy(lab: Lab, vectors: np.ndarray, lanes: Lanes) -> np.ndarray:
 def mjx_rate(lab: Lab, lanes: Lanes, tracks: Reference, field: bool) -> dict[str, float]:
     """`mjx.step` following the references, with the native height field or without contact."""
     terrains, walks = unstack(lanes.site.terrain), unstack(tracks)
-    specs = [referee.build_model(lab.robot, terrain, 0.8, finer=1) for terrain in terrains]
+    specs = [build_model(lab.robot, terrain, 0.8, finer=1) for terrain in terrains]
     if not field:
         specs[0].opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     model, data = mjx.put_model(specs[0]), mjx.make_data(specs[0])
@@ -158,21 +159,21 @@ def _controls(lab: Lab, walk: Reference, step: float, rows: int) -> np.ndarray:
     """The controls of so many steps from the start of the walk on, at another step than the referee's."""
     controls = referee.controls(lab.robot, walk)
     at = referee.SETTLE + np.arange(rows) * step
-    grid = np.arange(len(controls)) * referee.STEP
+    grid = np.arange(len(controls)) * STEP
     return np.stack([np.interp(at, grid, column) for column in controls.T], axis=1)
 
 
 def referee_rate(lab: Lab, lanes: Lanes, tracks: Reference) -> dict[str, float]:
     """C MuJoCo on two threads: `mujoco.rollout` alone, models and controls made before."""
     walks = unstack(tracks)
-    models = [referee.build_model(lab.robot, terrain, 0.8) for terrain in unstack(lanes.site.terrain)]
+    models = [build_model(lab.robot, terrain, 0.8) for terrain in unstack(lanes.site.terrain)]
     controls = [referee.controls(lab.robot, walk) for walk in walks]
     steps = min(map(len, controls))
     control = np.stack([rows[:steps] for rows in controls])
     start = np.stack([referee.start_state(model, walk) for model, walk in zip(models, walks)])
     workers = [mujoco.MjData(models[0]) for _ in range(2)]
     wall = timed(lambda: rollout.rollout(models, workers, start, control), repeats=2)
-    step = referee.STEP
+    step = STEP
     return {"rate": len(models) * steps * step / wall, "step": step, "compile": 0.0, "error": float("nan")}
 
 

@@ -5,9 +5,14 @@ LAPACK calls on 3x3 and 6x6 systems are several times slower. Functions with a `
 their singular point (the double-`where` idiom); each has a test there.
 """
 
+from typing import TypeVar
+
+import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
+
+Tree = TypeVar("Tree")
 
 
 def sqrt_safe(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -25,6 +30,18 @@ def smoothstep(x: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
     """Quintic step from 0 (x <= 0) to 1 (x >= 1) with zero first and second derivative at both ends (minimum jerk)."""
     x = jnp.clip(x, 0.0, 1.0)
     return x * x * x * (10.0 + x * (-15.0 + 6.0 * x))
+
+
+def add_exactly(total: Tree, lost: Tree, amount: Tree) -> tuple[Tree, Tree]:
+    """Running sums and what rounding has added to them, with amounts more (Kahan 1965); the gradient is a plain sum's.
+
+    Without it a small amount that comes again and again is rounded the same way every time: 600,000 ticks of 2.5 ms in
+    single precision are 1491 s.
+    """
+    amount = jax.tree.map(jnp.subtract, amount, lost)
+    after = jax.tree.map(jnp.add, total, amount)
+    rounded = jax.tree.map(lambda new, old, more: jax.lax.stop_gradient((new - old) - more), after, total, amount)
+    return after, rounded
 
 
 def cross(a: Float[Array, "*n 3"], b: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:

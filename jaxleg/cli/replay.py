@@ -15,7 +15,7 @@ FRAME, SPEED = 0.5, 4.0  # between the pictures of a video [s], and how many tim
 
 
 def replay(arguments: list[str]) -> int:
-    """Simulate a plan and write `replay.json`. Exit status 1 where the robot falls."""
+    """Simulate a plan and write `replay.json`. Exit status 1 where the robot falls or does not finish."""
     rest = list(arguments)
     if {"-h", "--help"} & set(rest):
         print(USAGE)
@@ -47,7 +47,7 @@ def replay(arguments: list[str]) -> int:
 
         animate(film, file.terrain, frames, file.robot, FRAME, speed=SPEED, goal=file.goal)
         print(f"written: {film}")
-    return EXIT_INFEASIBLE if result["fell"] else 0
+    return 0 if result["finished"] else EXIT_INFEASIBLE
 
 
 def check_outputs(source: Path, result: Path, film: Path | None) -> None:
@@ -64,7 +64,8 @@ def check_outputs(source: Path, result: Path, film: Path | None) -> None:
 def show(result: dict[str, Any]) -> None:
     """The result in a few lines."""
     energy = ", ".join(f"{name} {value:.0f}" for name, value in result["energy_per_metre"].items())
-    print(f"{result['engine']}: {'fell' if result['fell'] else 'walked'} {result['distance']:.2f} m in {result['time']:.1f} s")
+    ended = "fell" if result["fell"] else "walked" if result["finished"] else "did not finish:"
+    print(f"{result['engine']}: {ended} {result['distance']:.2f} m in {result['time']:.1f} s")
     print(f"energy J/m: {energy}; cost of transport {result['cost_of_transport']:.2f} ({result['power']})")
     print(f"least stability margin {result['margin']:.3f} m, slip {result['slip']:.3f} m a foot")
     print(f"distance to the goal {result['left']:.3f} m")

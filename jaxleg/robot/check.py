@@ -85,14 +85,15 @@ def _spans(geometry: Geometry) -> Spans:
 def _standing(geometry: Geometry, spans: Spans) -> _Standing:
     """Standing postures with the joints in these ranges: paper A, equation (2), over a grid of angles."""
     axes = [np.deg2rad([*np.linspace(*span, count), np.clip(0.0, *span)]) for span, count in zip(spans, SAMPLES)]
-    angles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    angles: np.ndarray = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     hip, thigh, shank = angles[:, 0], angles[:, 1], angles[:, 1] + angles[:, 2]
     knee_x, knee_drop = geometry.thigh * np.sin(thigh), geometry.thigh * np.cos(thigh)
+    # as the inverse kinematics has it, the leg hangs down from its hip (drop > 0)
     x, drop = knee_x + geometry.shank * np.sin(shank), knee_drop + geometry.shank * np.cos(shank)
     y = geometry.hip_link * np.cos(hip) + drop * np.sin(hip)
     height = drop * np.cos(hip) - geometry.hip_link * np.sin(hip)
     leg, side = geometry.thigh + geometry.shank, 1.0 if geometry.knees == "backward" else -1.0
-    stands = (height >= 0.25 * leg) & (np.cos(shank) * np.cos(hip) > 0.0) & (side * angles[:, 2] >= LEAST_BEND)
+    stands = (height >= 0.25 * leg) & (drop > 0.0) & (np.cos(shank) * np.cos(hip) > 0.0) & (side * angles[:, 2] >= LEAST_BEND)
     stands &= (abs(x) <= 0.35 * leg) & (y >= -0.1 * leg) & (y <= geometry.hip_link + 0.35 * leg)
     arm = abs(np.stack([y, x * np.cos(hip), (x - knee_x) * np.cos(hip)], axis=-1))
     return _Standing(angles[stands], height[stands], arm[stands])

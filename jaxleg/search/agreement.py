@@ -46,7 +46,7 @@ def random_gaits(
 
 
 def feasible(checks: PlanChecks) -> np.ndarray:
-    """Planned, knee bend kept without lowering, some stability margin, torques and joints in limits, no foot unloaded by inertia."""
+    """Planned, knee bend kept without lowering, some stability margin, torques and joints in limits, no foot near lifting."""
     stands = (checks.status == PlanStatus.OK) & (checks.margin > LEAST_MARGIN) & (checks.torque_ratio < 1.0)
     return np.asarray(stands & (checks.lowering == 0.0) & (checks.load > LEAST_LOAD) & (checks.joint_room >= 0.0))
 

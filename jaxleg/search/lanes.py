@@ -34,9 +34,7 @@ from jaxleg.stance import gait_constraints
 CYCLES = 2  # of a walk, both metered: it starts in its own periodic posture, so that there is nothing to warm up
 OF_PLAN = ("knee_bend", "margin", "torque", "load", "joint_range")
 CONSTRAINTS = (*OF_PLAN, "search_behind", "step_reach", "search_reach", "knee_clear")
-SCALES = np.array(
-    [np.deg2rad(1.0), 0.01, 0.05, 0.1, np.deg2rad(1.0), 0.01, 0.01, 0.01, 0.01]
-)  # what counts as one unit of violation
+SCALES = np.array([np.deg2rad(1.0), 0.01, 0.05, 0.1, np.deg2rad(1.0), 0.01, 0.01, 0.01, 0.01])  # one unit of violation
 LEAST_LOAD = 0.05  # every standing foot presses down with at least this share of a quarter of the weight
 
 

@@ -24,7 +24,8 @@ from jaxleg.plan import Reference
 from jaxleg.robot import Robot
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
-from jaxleg.sim.rollout import Meters, _measure, _no_meters, fallen
+from jaxleg.sim.fall import fallen, watch_trunk
+from jaxleg.sim.rollout import Meters, Tally, measure, no_tally, read
 from jaxleg.sim.step import State, advance, initial_state
 from jaxleg.sim.tracking import Tracking
 from jaxleg.terrain.heightmap import HeightMap
@@ -39,6 +40,7 @@ class Followed(NamedTuple):
     feet: Float[Array, "step leg 3"]  # foot centres in W at the end of each step [m]
     trunk: Float[Array, "step 7"]  # position and quaternion there
     reached: Int[Array, ""]  # the plan's sample at which it ended or fell
+    finished: Bool[Array, ""]  # whether that is its last one, and it stands
 
 
 class Posture(NamedTuple):
@@ -107,10 +109,10 @@ class _Walk(NamedTuple):
     """A walk under way."""
 
     state: State
-    meters: Meters
+    tally: Tally
     alive: Bool[Array, ""]
     index: Int[Array, ""]  # sample of the reference that is past
-    time: Float[Array, ""]  # on the reference [s]
+    ticks: Int[Array, ""]  # on the reference: a clock that adds up seconds would lose some
     held: Float[Array, "leg 3"]
     feet: Float[Array, "step leg 3"]
     trunk: Float[Array, "step 7"]
@@ -126,31 +128,32 @@ def command(low: Reference, high: Reference, time: Float[Array, ""], dt: Float[A
 def _walker(engine: Engine, robot: Robot, ground: Ground, terrain: HeightMap, reference: Reference, last, per_step: int, dt):
     """A walk that has not begun, and the function that takes it on by a tick."""
     start, rows = initial_state(robot, ground, reference), to_rows(reference)
-    stand = start.q[2] - jnp.mean(reference.foot_pos[0, :, 2])
+    trunk = watch_trunk(robot, terrain, start, reference.foot_pos[0])
     steps, dtype = -(-(reference.time.shape[0] - 1) // per_step), start.q.dtype
-    zero = jnp.zeros((), dtype)
+    zero = jnp.zeros((), jnp.int32)
     kept = jnp.zeros((steps, 4, 3), dtype), jnp.zeros((steps, 7), dtype)
-    first = _Walk(start, _no_meters(dtype), jnp.array(True), jnp.zeros((), jnp.int32), zero, reference.foot_pos[0], *kept)
+    first = _Walk(start, no_tally(dtype), jnp.array(True), zero, zero, reference.foot_pos[0], *kept)
 
     def tick(walk: _Walk) -> _Walk:
         state, going = walk.state, walk.alive & (walk.index < last)
         terms = engine(state.q, state.v)
         low, high = samples_at(rows, walk.index)
+        time = walk.ticks.astype(dtype) * dt
         held = held_feet(walk.held, terms.foot, low.contact, dt)
-        now = command(low, high, walk.time, dt, Posture(state.q[:3], state.q[3:7], held, terms.foot_by_leg))
+        now = command(low, high, time, dt, Posture(state.q[:3], state.q[3:7], held, terms.foot_by_leg))
         now = now._replace(velocity=jnp.where(walk.index < last, now.velocity, 0.0))
         after, seen = advance(terms, robot, ground, terrain, state, now)
-        alive = walk.alive & jnp.all(jnp.isfinite(after.q)) & ~fallen(robot, terrain, after, seen.foot, stand)
+        alive = walk.alive & ~fallen(trunk, after, seen.foot)
         after = jax.tree.map(lambda a, b: jnp.where(alive, a, b), after, state)
         going = going & alive
         place = jnp.where(going, walk.index // per_step, steps)
-        time = walk.time + jnp.where(going, dt, 0.0)
+        ticks = walk.ticks + going
         return _Walk(
             state=after,
-            meters=_measure(walk.meters, seen, after, state, going.astype(dtype), dt),
+            tally=measure(walk.tally, seen, after, state, going, dt),
             alive=alive,
-            index=walk.index + (going & (time >= high.time)),
-            time=time,
+            index=walk.index + (going & (ticks.astype(dtype) * dt >= high.time)),
+            ticks=ticks,
             held=held,
             feet=walk.feet.at[place].set(terms.foot, mode="drop"),
             trunk=walk.trunk.at[place].set(after.q[:7], mode="drop"),
@@ -177,7 +180,7 @@ def follow(
     """
     first, tick = _walker(engine, robot, ground, terrain, reference, last, per_step, dt)
     end = jax.lax.fori_loop(0, ticks, lambda _, walk: tick(walk), first)
-    return Followed(end.meters._replace(fell=~end.alive), end.feet, end.trunk, end.index)
+    return _followed(end, last)
 
 
 def film(
@@ -198,7 +201,12 @@ def film(
         return jax.lax.fori_loop(0, frames[1], lambda _, walk: tick(walk), walk), walk.state.q
 
     end, shots = jax.lax.scan(frame, first, length=frames[0])
-    return Followed(end.meters._replace(fell=~end.alive), end.feet, end.trunk, end.index), shots
+    return _followed(end, last), shots
+
+
+def _followed(end: _Walk, last: Int[Array, ""]) -> Followed:
+    finished = end.alive & (end.index >= last)
+    return Followed(read(end.tally, end.alive), end.feet, end.trunk, end.index, finished)
 
 
 def landing_errors(reference: Reference, followed: Followed, per_step: int, legs: tuple[int, ...]) -> Float[Array, "step"]:

@@ -19,8 +19,8 @@ from jaxleg.planning.trajectory import load_weight, trunk_path
 from jaxleg.robot import Robot
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
+from jaxleg.sim.fall import fallen, watch_trunk
 from jaxleg.sim.reflex import Feeling, Swinging, bounded, feel_on, foot_at, set_out
-from jaxleg.sim.rollout import fallen
 from jaxleg.sim.sensing import felt_forces
 from jaxleg.sim.step import advance, initial_state
 from jaxleg.sim.tracking import Tracking
@@ -79,7 +79,7 @@ def walk_reactively(
     orders = _Orders(robot, walk, settings, machine, feel)
     first = instant(robot, walk, settings, jax.tree.map(lambda x: x[0], walk.phases), 0.0)
     start = initial_state(robot, ground, _one(first))
-    stand = start.q[2] - jnp.mean(first.feet[:, 2])
+    trunk = watch_trunk(robot, terrain, start, first.feet)
 
     def body(carry, _):
         state, gait, felt, alive = carry
@@ -88,7 +88,7 @@ def walk_reactively(
         after, seen = advance(terms, robot, ground, terrain, state, now)
         force = felt_forces(terms, robot, seen.torque, state, after, dt, feel.inertia)
         felt = felt + (force - felt) * dt / (feel.delay + dt)
-        ok = alive & jnp.all(jnp.isfinite(after.q)) & ~fallen(robot, terrain, after, seen.foot, stand)
+        ok = alive & ~fallen(trunk, after, seen.foot)
         state = jax.tree.map(lambda a, b: jnp.where(ok, a, b), after, state)
         hips = state.q[:3] + matvec(rotation_from_quaternion(state.q[3:7]), robot.hip_position)
         upcoming, contact = _proceed(orders, gait, leg, moving, hips, felt[leg], dt)

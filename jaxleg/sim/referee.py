@@ -5,23 +5,21 @@ of twice the map's resolution, the step a uniform 2 ms with `implicitfast`. Only
 are shared.
 """
 
+import contextlib
+from collections.abc import Generator
 from typing import NamedTuple
-from xml.etree import ElementTree as xml
 
 import jax
-import jax.numpy as jnp
 import mujoco
 import numpy as np
 from mujoco import rollout
 
-from jaxleg.conventions import LEGS
 from jaxleg.gait import stability_margin
 from jaxleg.plan import Reference
 from jaxleg.robot import Robot
-from jaxleg.robot.mjcf import LINKS, robot_mjcf
-from jaxleg.terrain.heightmap import HeightMap, height
+from jaxleg.sim.model import STEP, TRUNK_CONTACT, build_model, over_unseen, surface_of
+from jaxleg.terrain.heightmap import HeightMap
 
-STEP = 2e-3  # [s]
 SETTLE = 0.3  # the first pose is held this long before the walk [s]
 LOADED = 5.0  # a foot slips only while it carries more than this [N]
 
@@ -44,8 +42,8 @@ def replay(
 ) -> list[Verdict]:
     """Replay walks, each on its own terrain, on two threads. `metered_from` is the first metered sample of the references.
 
-    A lane falls if it ends up tilted by more than 45 degrees, its trunk sinks below half its height, or it is not finite. Where
-    a reference is not finite, the control is 0: the robot sinks down.
+    A lane falls if it is tilted by more than 45 degrees, its trunk sinks below half its height or meets the ground, a foot
+    comes over unseen ground, or MuJoCo finds it unstable, warned or not finite; also where the reference is not finite.
     """
     if not references:
         return []
@@ -56,69 +54,37 @@ def replay(
     start = np.stack([start_state(model, reference) for model, reference in zip(models, references)])
     workers = [mujoco.MjData(models[0]) for _ in range(2)]
     start, control = (np.nan_to_num(x, posinf=0.0, neginf=0.0) for x in (start, control))
-    states, sensors = rollout.rollout(models, workers, start, control, skip_checks=False)
-    return [
-        _verdict(robot, reference, states[i, : len(track)], sensors[i, : len(track)], track, metered_from)
-        for i, (reference, track) in enumerate(zip(references, tracks))
-    ]
+    with no_log(), np.errstate(over="ignore", invalid="ignore"):
+        states, sensors = rollout.rollout(models, workers, start, control, skip_checks=False)
+        return [
+            _verdict(robot, terrains[i], reference, states[i, : len(track)], sensors[i, : len(track)], track, metered_from)
+            for i, (reference, track) in enumerate(zip(references, tracks))
+        ]
 
 
-def build_model(robot: Robot, terrain: HeightMap, friction: float, finer: int = 2) -> mujoco.MjModel:
-    """The robot with its actuators and sensors on a height field of the terrain, `finer` times its resolution."""
-    root = xml.fromstring(robot_mjcf(robot, feet_contact=True))
-    option = next(root.iter("option"))
-    option.attrib |= {"timestep": repr(STEP), "integrator": "implicitfast", "cone": "elliptic", "impratio": "20"}
-    elevation, place, half = _surface(terrain, finer)
-    low, high = elevation.min(), max(elevation.max(), elevation.min() + 1e-3)
-    rows, columns = elevation.T.shape
-    asset = xml.SubElement(root, "asset")
-    size = f"{half[0]} {half[1]} {high - low} 0.5"
-    xml.SubElement(asset, "hfield", name="ground", nrow=str(rows), ncol=str(columns), size=size)
-    contact = {"friction": f"{friction} 0.005 0.0001", "solref": "0.004 1", "solimp": "0.95 0.99 0.001", "condim": "3"}
-    ground = {"type": "hfield", "hfield": "ground", "pos": f"{place[0]} {place[1]} {low}", "contype": "1", "conaffinity": "1"}
-    xml.SubElement(next(root.iter("worldbody")), "geom", **(ground | contact), priority="1")
-    for site in root.iter("site"):  # a touch sensor sees the contacts inside its site
-        site.set("size", repr(4.0 * float(robot.contact_radius)))
-    _actuators(root, robot)
-    model = mujoco.MjModel.from_xml_string(xml.tostring(root, encoding="unicode"))
-    model.hfield_data[:] = ((elevation.T - low) / (high - low)).reshape(-1)
-    return model
+@contextlib.contextmanager
+def no_log() -> Generator[None]:
+    """MuJoCo without its warnings on the console and in a MUJOCO_LOG.TXT of the working folder: a fall says it."""
+    before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+    silent.logto_file = silent.logto_console = False
+    silent.set()
+    try:
+        yield
+    finally:
+        before.set()
 
 
-def _surface(terrain: HeightMap, finer: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Heights (x, y) of the surface on a finer grid, its centre and half extent [m]."""
-    origin, resolution = np.asarray(terrain.origin, float), float(terrain.resolution)
-    count = finer * (np.array(terrain.elevation.shape) - 1) + 1
-    axes = [origin[i] + resolution / finer * np.arange(count[i]) for i in (0, 1)]
-    points = jnp.asarray(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1), terrain.elevation.dtype)
-    half = 0.5 * resolution / finer * (count - 1)
-    return np.asarray(_heights(terrain, points), float), origin + half, half
-
-
-@jax.jit
-def _heights(terrain, points):
-    return jax.vmap(jax.vmap(height, in_axes=(None, 0)), in_axes=(None, 0))(terrain, points)
-
-
-def _actuators(root, robot: Robot) -> None:
-    """Joint controllers kp (q_ref - q) + kd (v_ref - v) + torque, their reference parts summed up in the control."""
-    actuator, sensor = xml.SubElement(root, "actuator"), xml.SubElement(root, "sensor")
-    for leg, name in enumerate(LEGS):
-        for j, link in enumerate(LINKS):
-            kp, kd, limit = (float(x[leg, j]) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit))
-            gains = {"biastype": "affine", "gainprm": "1 0 0", "biasprm": f"0 {-kp} {-kd}"}
-            force = {"forcelimited": "true", "forcerange": f"{-limit} {limit}"}
-            xml.SubElement(actuator, "general", joint=f"{name}_{link}", **gains, **force)
-    for name in LEGS:
-        xml.SubElement(sensor, "framepos", objtype="site", objname=f"{name}_foot")
-    for name in LEGS:
-        xml.SubElement(sensor, "touch", site=f"{name}_foot")
-    xml.SubElement(sensor, "subtreecom", body="trunk")
+def unstable(before: np.ndarray, states: np.ndarray) -> np.ndarray | np.bool_:
+    """Whether MuJoCo warned, or found no finite state, in steps (..., step, state) from the time `before` (...) [s]: after a
+    warning `rollout` repeats the last state, so that time stands still."""
+    time = np.concatenate([before[..., None], states[..., 0]], axis=-1)
+    stopped = ~(np.abs(np.diff(time) - STEP) < 0.01 * STEP).all(axis=-1)
+    return stopped | ~(np.abs(states) < mujoco.mjMAXVAL).all(axis=(-2, -1))
 
 
 def controls(robot: Robot, reference: Reference) -> np.ndarray:
     """Control of every step (step, 12): the reference held for `SETTLE`, then followed on a uniform time grid."""
-    time = np.asarray(reference.time, float)
+    time = _clock(reference)
     at = np.clip(np.arange(int(np.ceil((SETTLE + time[-1]) / STEP))) * STEP - SETTLE, 0.0, None)
     flat = [
         np.asarray(x, float).reshape(len(time), 12) for x in (reference.joint_pos, reference.joint_vel, reference.joint_torque)
@@ -127,6 +93,11 @@ def controls(robot: Robot, reference: Reference) -> np.ndarray:
     velocity = velocity * (at > 0.0)[:, None]
     kp, kd = (np.asarray(x, float).reshape(12) for x in (robot.stiffness, robot.velocity_gain))
     return kp * position + kd * velocity + torque
+
+
+def _clock(reference: Reference) -> np.ndarray:
+    """Times of the samples [s] that never go back, whatever the plan says."""
+    return np.maximum.accumulate(np.maximum(np.nan_to_num(np.asarray(reference.time, float), posinf=0.0, neginf=0.0), 0.0))
 
 
 def start_state(model: mujoco.MjModel, reference: Reference) -> np.ndarray:
@@ -140,11 +111,11 @@ def start_state(model: mujoco.MjModel, reference: Reference) -> np.ndarray:
     return state
 
 
-def _verdict(robot, reference, states, sensors, control, metered_from) -> Verdict:
+def _verdict(robot, terrain, reference, states, sensors, control, metered_from) -> Verdict:
     """Meters from the trajectory: torques as the implicit step applied them, mid-step speeds."""
     q, v = states[:, 1:20], states[:, 20:38]  # after each step
     kp, kd, limit = (np.asarray(x, float).reshape(12) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit))
-    first = round((SETTLE + float(reference.time[metered_from])) / STEP)
+    first = round((SETTLE + _clock(reference)[metered_from]) / STEP)
     now, after = slice(first - 1, -1), slice(first, None)
     torque = np.clip(control[after] - kp * q[now, 7:] - kd * v[after, 6:], -limit, limit)
     power = torque * 0.5 * (v[now, 6:] + v[after, 6:])
@@ -160,8 +131,8 @@ def _verdict(robot, reference, states, sensors, control, metered_from) -> Verdic
         distance=float(q[-1, 0] - q[first - 1, 0]),
         time=float(len(power) * STEP),
         slip=float((moved * held).sum(axis=0).mean()),
-        margin=float(np.min(margin)),
-        fell=_fell(q, feet),
+        margin=float(np.min(margin, initial=np.inf)),
+        fell=_fell(terrain, states, sensors, feet) or not np.isfinite(control).all(),
     )
 
 
@@ -170,9 +141,11 @@ def _margins(com, feet, loaded):
     return jax.vmap(stability_margin)(com, feet, loaded)
 
 
-def _fell(q: np.ndarray, feet: np.ndarray) -> bool:
-    if not np.isfinite(q).all():
+def _fell(terrain: HeightMap, states: np.ndarray, sensors: np.ndarray, feet: np.ndarray) -> bool:
+    if unstable(np.zeros(()), states) or not np.isfinite(sensors).all() or sensors[:, TRUNK_CONTACT].any():
         return True
+    q = states[:, 1:20]
     upright = 1.0 - 2.0 * (q[:, 4] ** 2 + q[:, 5] ** 2)
     stand = q[:, 2] - feet[..., 2].mean(axis=1)
-    return bool((upright < np.sqrt(0.5)).any() or (stand < 0.5 * stand[0]).any())
+    lost = np.isnan(terrain.elevation).any() and over_unseen(surface_of(terrain), feet).any()
+    return bool((upright < np.sqrt(0.5)).any() or (stand < 0.5 * stand[0]).any() or lost)

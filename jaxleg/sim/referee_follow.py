@@ -18,7 +18,8 @@ from jaxleg.numerics import matmul
 from jaxleg.plan import Reference
 from jaxleg.robot import Robot
 from jaxleg.sim.follow import Posture, between, command, held_feet
-from jaxleg.sim.referee import LOADED, SETTLE, STEP, build_model, start_state
+from jaxleg.sim.model import STEP, TRUNK_CONTACT, build_model, over_unseen, surface_of
+from jaxleg.sim.referee import LOADED, SETTLE, no_log, start_state, unstable
 from jaxleg.terrain.heightmap import HeightMap
 
 STEPS = 2  # simulation steps a control period
@@ -33,7 +34,7 @@ class Judged(NamedTuple):
     time: np.ndarray  # [s]
     slip: np.ndarray  # mean of the feet [m]
     margin: np.ndarray  # least stability margin [m]
-    fell: np.ndarray
+    fell: np.ndarray  # otherwise it walked to the plan's end
     trunk: np.ndarray  # position at the end (lane, 3)
     shots: np.ndarray  # configuration at the start of every frame (lane, frame, 19)
 
@@ -43,29 +44,33 @@ def follow_all(
 ) -> Judged:
     """Follow plans, each on its own terrain, on two threads; a plan ends with its reference's last sample.
 
-    Fall: as `referee`. A frame every `frame` [s].
+    Fall: as `referee`; a fallen lane is measured no further. A frame every `frame` [s].
     """
     models = [build_model(robot, terrain, friction) for terrain in terrains]
     tracks = [jax.tree.map(np.asarray, reference) for reference in references]
-    state = np.stack([start_state(model, track) for model, track in zip(models, tracks)])
+    start = np.nan_to_num(np.stack([start_state(model, track) for model, track in zip(models, tracks)]))
     ends, period = np.array([float(track.time[-1]) for track in tracks]), STEPS * STEP
     settle, walk = round(SETTLE / period), int(np.ceil(ends.max() / period))
     rows = _rows(tracks, period * np.arange(walk + 2))
-    meter = _Meter(robot, len(tracks), np.array([t.trunk_pos[0, 2] - t.foot_pos[0, :, 2].mean() for t in tracks]))
+    meter = _Meter(robot, terrains, start, np.array([t.trunk_pos[0, 2] - t.foot_pos[0, :, 2].mean() for t in tracks]))
     control, held = _controller(robot, period), np.stack([track.foot_pos[0] for track in tracks])
-    feet, shots, every = held, [], max(round(frame / period), 1)
-    with rollout.Rollout(nthread=2) as runner:
+    state, feet, shots, every = start, held, [], max(round(frame / period), 1)
+    with no_log(), np.errstate(over="ignore", invalid="ignore"), rollout.Rollout(nthread=2) as runner:
         workers = [mujoco.MjData(models[0]) for _ in range(2)]
         for tick in range(-settle, walk):
             if tick >= 0 and tick % every == 0:
                 shots.append(state[:, 1:20].copy())
             now, later = (_at(rows, max(tick, 0) + k) for k in (0, 1))
             wanted, held = (np.asarray(x) for x in control(now, now if tick < 0 else later, state[:, 1:20], held, feet))
-            steady = np.repeat(wanted[:, None], STEPS, axis=1)
-            states, sensors = runner.rollout(models, workers, np.nan_to_num(state), steady)
+            steady = np.repeat(np.nan_to_num(wanted)[:, None], STEPS, axis=1)
+            states, sensors = runner.rollout(models, workers, state, steady)
             meter.add(state, states, sensors, wanted, (tick >= 0) & (period * tick < ends))
             state, feet = states[:, -1], sensors[:, -1, :12].reshape(-1, 4, 3)
-    return meter.judged(ends, np.stack(shots, axis=1))
+            if meter.broken.any():  # such a lane stands where it began, unmeasured
+                state = np.where(meter.broken[:, None], start, state)
+                held, feet = np.nan_to_num(held), np.nan_to_num(feet)
+    shots = np.stack(shots, axis=1) if shots else start[:, None, 1:20]
+    return meter.judged(np.minimum(meter.ticks * period, ends), shots)
 
 
 def _rows(tracks: list[Reference], times: np.ndarray) -> Reference:
@@ -107,16 +112,26 @@ def _controller(robot: Robot, period: float):
 class _Meter:
     """Sums up what the lanes do, period by period."""
 
-    def __init__(self, robot: Robot, lanes: int, stand: np.ndarray) -> None:
+    def __init__(self, robot: Robot, terrains: list[HeightMap], start: np.ndarray, stand: np.ndarray) -> None:
+        lanes = len(terrains)
         self.gains = [np.asarray(x, float).reshape(12) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit)]
         self.amperes = 1.0 / float(robot.torque_constant * robot.gear_ratio)
         self.resistance, self.stand = float(robot.resistance), stand
         self.sums = {name: np.zeros(lanes) for name in ("mechanical", "mechanical_positive", "joule", "slip")}
-        self.margin, self.fell, self.trunk = np.full(lanes, np.inf), np.zeros(lanes, bool), np.zeros((lanes, 3))
+        self.margin, self.fell, self.trunk = np.full(lanes, np.inf), np.zeros(lanes, bool), start[:, 1:4]
         self.feet = np.full((lanes, 4, 3), np.nan)
+        self.broken, self.ticks = np.zeros(lanes, bool), np.zeros(lanes, int)
+        unseen = [i for i, terrain in enumerate(terrains) if np.isnan(terrain.elevation).any()]
+        self.unseen = {i: surface_of(terrains[i]) for i in unseen}
 
     def add(self, before, states, sensors, control, counts) -> None:
         """One period of all lanes: states (lane, step, ...) after each of its steps."""
+        self.broken |= (
+            unstable(before[:, 0], states) | ~np.isfinite(sensors).all(axis=(1, 2)) | ~np.isfinite(control).all(axis=1)
+        )
+        self._fall(states, sensors, counts)
+        counts = counts & ~self.fell
+        self.ticks += counts
         kp, kd, limit = self.gains
         chain = np.concatenate([before[:, None], states], axis=1)
         q, v = chain[:, :, 1:20], chain[:, :, 20:38]
@@ -126,10 +141,15 @@ class _Meter:
         for name, value in (("mechanical", power), ("mechanical_positive", np.maximum(power, 0.0)), ("joule", heat)):
             self.sums[name] += np.where(counts, value.sum(axis=(1, 2)) * STEP, 0.0)
         self._feet(sensors[:, -1], counts)
-        upright = 1.0 - 2.0 * (q[:, -1, 4] ** 2 + q[:, -1, 5] ** 2)
-        low = q[:, -1, 2] - self.feet[..., 2].mean(axis=1) < 0.5 * self.stand
-        self.fell |= counts & ((upright < np.sqrt(0.5)) | low | ~np.isfinite(states).all(axis=(1, 2)))
         self.trunk = np.where(counts[:, None], q[:, -1, :3], self.trunk)
+
+    def _fall(self, states, sensors, counts) -> None:
+        q, feet = states[:, -1, 1:20], sensors[:, -1, :12].reshape(-1, 4, 3)
+        upright = 1.0 - 2.0 * (q[:, 4] ** 2 + q[:, 5] ** 2)
+        low = q[:, 2] - feet[..., 2].mean(axis=1) < 0.5 * self.stand
+        lost = np.array([i in self.unseen and over_unseen(self.unseen[i], feet[i]).any() for i in range(len(feet))])
+        down = (upright < np.sqrt(0.5)) | low | lost
+        self.fell |= self.broken | sensors[..., TRUNK_CONTACT].any(axis=1) | (counts & down)
 
     def _feet(self, sensors, counts) -> None:
         feet, load, com = sensors[:, :12].reshape(-1, 4, 3), sensors[:, 12:16], sensors[:, 16:19]

@@ -1,4 +1,8 @@
-"""One plan of a file in simulation, by MJX or by the referee: the same figures, and pictures of the walk."""
+"""One plan of a file in simulation, by MJX or by the referee: the same figures, and pictures of the walk.
+
+Figures are plain floats, NaN where there is nothing to tell. Energy per metre and cost of transport are told of a way of a
+foot's diameter at least: a map cannot tell shorter ones apart, and a robot that stands would have any.
+"""
 
 from typing import Any
 
@@ -22,7 +26,7 @@ def replay_mjx(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]:
     """Follow a plan in MJX; the configuration every `frame` [s]."""
     engine, ground = mjx_engine(file.robot), Ground(friction=file.params["friction"])
     tick, last = jnp.asarray(file.params["tick"], float), jnp.asarray(len(file.reference.time) - 1)
-    each = round(frame / float(tick))
+    each = max(round(frame / float(tick)), 1)
     count = int(np.ceil(float(file.reference.time[-1]) / (each * float(tick)))) + 2
 
     @jax.jit
@@ -31,15 +35,16 @@ def replay_mjx(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]:
         return seen, shots, landing_errors(reference, seen, file.samples, STEP_LEGS)
 
     seen, shots, landing = run(file.robot, file.terrain, file.reference)
-    steps, meters = int(file.params["steps"]), seen.meters
+    meters, end = seen.meters, shots[-1, :2]
     energy = Power(*(jnp.sum(x) for x in meters.energy))
-    end = shots[-1, :2]
+    made = min(int(file.params["steps"]), int(seen.reached) // file.samples)
     result = {
         "engine": "mjx",
         **_figures(file, energy, _way(end, file), meters.time, meters.margin, jnp.mean(meters.slip)),
         "fell": bool(meters.fell),
+        "finished": bool(seen.finished),
         "left": float(np.linalg.norm(end - file.goal)),
-        "landing_worst": float(jnp.max(landing[:steps])),
+        "landing_worst": float(jnp.max(landing[:made])) if made else float("nan"),
         "penetration": float(meters.penetration),
     }
     return result, np.asarray(shots)
@@ -53,6 +58,7 @@ def replay_mujoco(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]
         "engine": "mujoco",
         **_figures(file, energy, _way(seen.trunk[0], file), seen.time[0], seen.margin[0], seen.slip[0]),
         "fell": bool(seen.fell[0]),
+        "finished": not seen.fell[0],
         "left": float(np.linalg.norm(seen.trunk[0, :2] - file.goal)),
     }
     return result, seen.shots[0]
@@ -65,14 +71,14 @@ def _way(end, file: PlanFile) -> float:
 
 def _figures(file: PlanFile, energy: Power, way, time, margin, slip) -> dict[str, Any]:
     """Energy per metre as the crow flies from start to end, and the rest."""
-    power = file.params["power"]
-    per_metre = {name: float(electrical(energy, name)) / way for name in CONVENTIONS}
+    power, far = file.params["power"], way >= 2.0 * float(file.robot.foot_radius)
+    per_metre = {name: float(electrical(energy, name)) / way if far else float("nan") for name in CONVENTIONS}
     return {
         "energy_per_metre": per_metre,
         "power": power,
         "cost_of_transport": float(cost_of_transport(per_metre[power], file.robot.mass)),
         "distance": way,
         "time": float(time),
-        "margin": float(margin),
+        "margin": float(margin) if np.isfinite(margin) else float("nan"),
         "slip": float(slip),
     }

@@ -13,17 +13,17 @@ from jaxtyping import Array, Bool, Float
 from jaxleg.energy import Power
 from jaxleg.gait import stability_margin
 from jaxleg.kinematics import rotation_from_quaternion
-from jaxleg.numerics import matvec
+from jaxleg.numerics import add_exactly
 from jaxleg.plan import Reference
 from jaxleg.robot import Robot
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
+from jaxleg.sim.fall import fallen, watch_trunk
 from jaxleg.sim.step import Measured, State, initial_state, step
 from jaxleg.sim.tracking import interpolate
-from jaxleg.terrain.heightmap import HeightMap, nearest_height
+from jaxleg.terrain.heightmap import HeightMap
 
 LOADED = 1.0  # a foot counts as loaded above this normal force [N]
-FALL_TILT = 0.7071  # cosine of 45 degrees
 
 
 class Meters(NamedTuple):
@@ -36,7 +36,26 @@ class Meters(NamedTuple):
     penetration: Float[Array, ""]  # greatest [m]
     margin: Float[Array, ""]  # least stability margin: centre of mass in the hull of the loaded feet [m]
     tilt: Float[Array, ""]  # greatest angle of the trunk's z axis from the vertical [rad]
-    fell: Bool[Array, ""]  # tilt > 45 deg, trunk below half its height, trunk contact, or not finite
+    fell: Bool[Array, ""]  # see `fall`
+
+
+class Sums(NamedTuple):
+    """What adds up, as in `Meters`."""
+
+    energy: Power
+    distance: Float[Array, ""]
+    time: Float[Array, ""]
+    slip: Float[Array, "leg"]
+
+
+class Tally(NamedTuple):
+    """Meters under way."""
+
+    sums: Sums
+    lost: Sums  # by rounding, see `add_exactly`
+    penetration: Float[Array, ""]
+    margin: Float[Array, ""]
+    tilt: Float[Array, ""]
 
 
 class Record(NamedTuple):
@@ -82,62 +101,54 @@ def _follow(engine, robot, ground, terrain, reference, steps, metered_from, keep
     """The meters of a rollout, and what `keep` (measured, state, dt, alive) takes from each step."""
     tracking = interpolate(reference, steps)
     start = initial_state(robot, ground, reference)
+    trunk = watch_trunk(robot, terrain, start, reference.foot_pos[0])
     count = tracking.dt.shape[0]
-    metered = (jnp.arange(count) >= metered_from * steps).astype(start.q.dtype)
-    stand = start.q[2] - jnp.mean(reference.foot_pos[0, :, 2])
+    metered = jnp.arange(count) >= metered_from * steps
 
     @jax.checkpoint
     def body(carry, inputs):
-        state, meters, alive = carry
-        now, weight = inputs
+        state, tally, alive = carry
+        now, counts = inputs
         safe = jax.tree.map(lambda a, b: jnp.where(alive, a, b), state, start)
         after, measured = step(engine, robot, ground, terrain, safe, now)
-        ok = alive & _finite(after) & ~fallen(robot, terrain, after, measured.foot, stand)
+        ok = alive & ~fallen(trunk, after, measured.foot)
         after = jax.tree.map(lambda a, b: jnp.where(ok, a, b), after, state)
-        meters = _measure(meters, measured, after, state, weight * ok, now.dt)
-        return (after, meters, ok), keep(measured, after, now.dt, ok)
+        tally = measure(tally, measured, after, state, counts & ok, now.dt)
+        return (after, tally, ok), keep(measured, after, now.dt, ok)
 
-    carry, kept = jax.lax.scan(body, (start, _no_meters(start.q.dtype), jnp.array(True)), (tracking, metered))
-    return carry[1]._replace(fell=~carry[2]), kept
-
-
-def fallen(
-    robot: Robot, terrain: HeightMap, state: State, foot: Float[Array, "leg 3"], stand: Float[Array, ""]
-) -> Bool[Array, ""]:
-    """Fall: tilt > 45 deg, trunk below half its height over the feet, or a lower corner of the trunk on the ground."""
-    rotation = rotation_from_quaternion(state.q[3:7])
-    corner = jnp.array([[1, 1, -1], [1, -1, -1], [-1, 1, -1], [-1, -1, -1]], state.q.dtype) * 0.5 * robot.trunk_size
-    corner = state.q[:3] + matvec(rotation, corner)
-    ground = jax.vmap(nearest_height, in_axes=(None, 0))(terrain, corner[:, :2])
-    low = state.q[2] - jnp.mean(foot[:, 2]) < 0.5 * stand
-    return (rotation[2, 2] < FALL_TILT) | low | jnp.any(corner[:, 2] < ground)
+    carry, kept = jax.lax.scan(body, (start, no_tally(start.q.dtype), jnp.array(True)), (tracking, metered))
+    return read(*carry[1:]), kept
 
 
-def _finite(state: State) -> Bool[Array, ""]:
-    return jnp.all(jnp.isfinite(state.q)) & jnp.all(jnp.isfinite(state.v))
-
-
-def _no_meters(dtype) -> Meters:
+def no_tally(dtype) -> Tally:
+    """Meters that have seen nothing."""
     zero, joints = jnp.zeros((), dtype), jnp.zeros((4, 3), dtype)
-    far = jnp.full((), jnp.inf, dtype)
-    return Meters(Power(joints, joints, joints), zero, zero, joints[:, 0], zero, far, zero, jnp.array(False))
+    none = Sums(Power(joints, joints, joints), zero, zero, joints[:, 0])
+    return Tally(none, none, zero, jnp.full((), jnp.inf, dtype), zero)
 
 
-def _measure(meters: Meters, seen: Measured, after: State, before: State, weight, dt) -> Meters:
-    """Add one step; the figures that nobody differentiates are cut out of the gradient."""
+def read(tally: Tally, alive: Bool[Array, ""]) -> Meters:
+    """The meters of a walk that has ended."""
+    return Meters(**tally.sums._asdict(), penetration=tally.penetration, margin=tally.margin, tilt=tally.tilt, fell=~alive)
+
+
+def measure(tally: Tally, seen: Measured, after: State, before: State, counts: Bool[Array, ""], dt: Float[Array, ""]) -> Tally:
+    """Add one step where it counts; the figures that nobody differentiates are cut out of the gradient."""
     held = jax.lax.stop_gradient(seen)
     loaded = held.normal_force > LOADED
+    more = Sums(
+        energy=jax.tree.map(lambda p: dt * p, seen.power),
+        distance=after.q[0] - before.q[0],
+        time=dt,
+        slip=dt * jnp.where(loaded, held.sliding, 0.0),
+    )
+    more = jax.tree.map(lambda x: jnp.where(counts, x, 0.0), more)
     margin = stability_margin(held.com[:2], held.foot[:, :2], loaded)
-    tilt = _tilt(jax.lax.stop_gradient(after.q[3:7]))
-    return Meters(
-        energy=jax.tree.map(lambda total, p: total + weight * dt * p, meters.energy, seen.power),
-        distance=meters.distance + weight * (after.q[0] - before.q[0]),
-        time=meters.time + weight * dt,
-        slip=meters.slip + weight * dt * jnp.where(loaded, held.sliding, 0.0),
-        penetration=jnp.maximum(meters.penetration, weight * jnp.max(held.penetration)),
-        margin=jnp.where(weight > 0, jnp.minimum(meters.margin, margin), meters.margin),
-        tilt=jnp.maximum(meters.tilt, weight * tilt),
-        fell=meters.fell,
+    return Tally(
+        *add_exactly(tally.sums, tally.lost, more),
+        penetration=jnp.where(counts, jnp.maximum(tally.penetration, jnp.max(held.penetration)), tally.penetration),
+        margin=jnp.where(counts, jnp.minimum(tally.margin, margin), tally.margin),
+        tilt=jnp.where(counts, jnp.maximum(tally.tilt, _tilt(jax.lax.stop_gradient(after.q[3:7]))), tally.tilt),
     )
 
 

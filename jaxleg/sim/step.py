@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxleg.conventions import GRAVITY
 from jaxleg.energy import Power, motor_power
 from jaxleg.numerics import cross, dot, matmul, matvec, norm_safe, solve_block_arrow
 from jaxleg.plan import Reference
@@ -43,8 +44,8 @@ class Measured(NamedTuple):
 
 def initial_state(robot: Robot, ground: Ground, reference: Reference) -> State:
     """The reference's first pose at rest, lowered by the penetration at which four feet carry the weight."""
-    load = robot.mass * 9.81 / 4.0
-    depth = ground.softness * jnp.log(jnp.expm1(load / (ground.stiffness * ground.softness)))
+    load = robot.mass * GRAVITY / 4.0 / (ground.stiffness * ground.softness)
+    depth = ground.softness * (load + jnp.log(-jnp.expm1(-load)))  # softplus^-1, which a heavy robot does not overflow
     position = reference.trunk_pos[0] - depth * jnp.array([0.0, 0.0, 1.0], reference.time.dtype)
     q = jnp.concatenate([position, reference.trunk_quat[0], reference.joint_pos[0].reshape(-1)])
     return State(q, jnp.zeros(18, q.dtype))

@@ -1,3 +1,5 @@
+import dataclasses
+
 import jax.numpy as jnp
 import mujoco
 import numpy as np
@@ -57,10 +59,18 @@ def test_trunk_is_the_robots(pegasus, model):
 
 
 @pytest.mark.parametrize("feet_contact", [False, True])
-def test_only_the_feet_collide_and_only_when_asked(pegasus, feet_contact):
+def test_only_the_feet_and_the_trunk_collide_and_only_when_asked(pegasus, feet_contact):
     model = mujoco.MjModel.from_xml_string(robot_mjcf(pegasus, feet_contact))
     collide = {model.geom(i).name for i in np.flatnonzero(model.geom_contype | model.geom_conaffinity)}
-    assert collide == ({f"{leg}_foot" for leg in LEGS} if feet_contact else set())
+    assert collide == ({"trunk"} | {f"{leg}_foot" for leg in LEGS} if feet_contact else set())
+
+
+def test_a_robot_without_hip_links_compiles_with_feet_where_kinematics_has_them(pegasus):
+    plain = dataclasses.replace(pegasus, link_offset=pegasus.link_offset.at[:, 0].set(0.0))
+    model = mujoco.MjModel.from_xml_string(robot_mjcf(plain))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    assert_allclose(data.site_xpos, pegasus.hip_position - np.array([0.0, 0.0, 0.6]), atol=1e-12)
 
 
 def test_numbers_survive_the_text(pegasus, model):
