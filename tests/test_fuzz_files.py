@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
+from jaxleg.sim.mjcf import robot_mjcf
 from mujoco import mjx
 
 from jaxleg.conventions import InputError
 from jaxleg.sim import engine
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.follow import follow
-from jaxleg.sim.mjcf import robot_mjcf
 from jaxleg.sim.plan_check import LAYOUTS
 from jaxleg.sim.plan_file import load_plan
 from jaxleg.terrain.features import FeatureSettings, traversability

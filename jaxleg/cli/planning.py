@@ -3,6 +3,7 @@
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.cli.start import EXIT_INFEASIBLE
@@ -98,7 +99,7 @@ def reasons(survey: Any, walk: Any, start: np.ndarray, goal: np.ndarray) -> list
 
 def blocked_by(survey: Any, xy: np.ndarray) -> str:
     """What makes a cell one that the trunk's centre cannot be over."""
-    cell = tuple(np.asarray(nearest_cell(survey.scene.terrain, xy)))
+    cell = tuple(np.asarray(nearest_cell(survey.scene.terrain, jnp.asarray(xy))))
     if not np.isfinite(survey.cost.body[cell]):
         return "steps or unseen ground under the body"
     if not np.isfinite(survey.cost.feet[:, *cell]).any():
