@@ -69,6 +69,16 @@ def test_a_failure_half_way_leaves_the_earlier_file_and_nothing_else(tmp_path):
     assert os.listdir(tmp_path) == ["good"]
 
 
+def test_who_has_the_earlier_file_open_goes_on_reading_it(tmp_path):
+    """As it would be were the process killed while it writes."""
+    path = tmp_path / "good"
+    path.write_text("the earlier one")
+    with path.open() as earlier:
+        write_whole(path, "the new one")
+        assert earlier.read() == "the earlier one"
+    assert path.read_text() == "the new one"
+
+
 def test_the_path_is_the_one_given_and_its_folder_is_made(tmp_path):
     write_npz(tmp_path / "new" / "folder" / "plan", {"a": np.arange(3)})
     with np.load(tmp_path / "new" / "folder" / "plan") as file:
