@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from experiments.common import setup, training, write
 from jaxleg.search import agreement
 from jaxleg.search.config import bounds
+from jaxleg.viz.style import save
 
 
 def main(gaits: int = 104, out: Path | None = None, quick: bool = False) -> None:
@@ -44,7 +45,7 @@ def draw(parts: list[agreement.Agreement], path: Path) -> None:
     axes.plot([low, high], [low, high], "k:", lw=1, label="equal")
     axes.set(xlabel="simulated in MJX [J/m]", ylabel="proxy [J/m]")
     axes.legend(frameon=False)
-    figure.savefig(path, dpi=150)
+    save(figure, path)
 
 
 if __name__ == "__main__":

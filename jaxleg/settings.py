@@ -31,6 +31,7 @@ from jaxleg.files import replace_whole
 
 T = TypeVar("T")
 _TYPES = {float: (int, float), int: int, bool: bool, str: str}  # what may stand for each
+LONGEST = 1_000_000  # file [characters]
 SINGLE = (1e-37, 1e37)  # magnitudes that JAX's usual precision holds
 _NOUNS = {float: "a number", int: "an integer", bool: "true or false", str: "a text"}
 _LIMITS = {
@@ -64,7 +65,12 @@ def setting(
 def load(cls: type[T], path: str | Path) -> T:
     """Read a `cls` from a TOML file. Raises `InputError` if it cannot be read, is not TOML, or as `build`."""
     try:
-        text = Path(path).read_text("utf-8-sig")  # an editor's byte order mark is no part of it
+        with _regular(Path(path)).open("rb") as file:
+            text = file.read(LONGEST + 1).decode("utf-8-sig")  # an editor's byte order mark is no part of it
+        if len(text) > LONGEST:
+            raise InputError(f"{path}: cannot be read: it is longer than {LONGEST} characters")
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from error
     try:
@@ -73,6 +79,13 @@ def load(cls: type[T], path: str | Path) -> T:
         words = str(error).replace("end of document", f"the end, line {len(text.splitlines())}")
         raise InputError(f"{path}: is not valid TOML: {words}") from error
     return build(cls, table, str(path))
+
+
+def _regular(path: Path) -> Path:
+    """The path, unless opening it may never come to an end."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise InputError(f"{path}: cannot be read: it is a device or a pipe")
+    return path
 
 
 def build(cls: type[T], table: dict[str, Any], source: str) -> T:

@@ -2,9 +2,17 @@
 
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxleg.cli.plan import find_terrain, notes, read
+from jaxleg.cli.planning import CAUSES, reasons
+from jaxleg.planning.navigation import NavigationStatus
+from jaxleg.planning.states import Cause
+from jaxleg.search.config import Gait, Kind, Study
+from jaxleg.terrain import KINDS, Grid
+from jaxleg.terrain.heightmap import HeightMap
 from tests.test_cli import CONFIGS, KIND, refused
 
 PLAN = ("--start", "0.5", "0.5", "--goal", "2.5", "1.0")
@@ -118,3 +126,103 @@ def test_a_replay_wants_a_plan(tmp_path, map_file, capsys):
     (tmp_path / "text.npz").write_text("no plan")
     assert "not a .npz file" in refused(capsys, "replay", str(Path(tmp_path / "text.npz")))
     assert "--fast is not understood" in refused(capsys, "replay", "x.npz", "--fast")
+
+
+@pytest.mark.parametrize(
+    ("robot", "text", "words"),
+    [
+        # a knee cannot bend 100 deg at 0.48 m, nor at any height within two steps of 0.03 m
+        ({}, "[navigation.pose]\nleast_knee_bend_deg = 100.0\n", ["kinds.flat.gait", "a knee bends", "least_knee_bend_deg"]),
+        ({"torque_limit = ": "torque_limit = 8.0  # "}, "", ["kinds.flat.gait", "0.48 m", "of its torque limit"]),
+        ({"[masses]": "knee_range_deg = [100.0, 150.0]\n\n[masses]"}, "", ["kinds.flat.gait", "beyond its range"]),
+    ],
+)
+def test_a_robot_that_cannot_stand_is_not_blamed_on_the_ground(tmp_path, capsys, robot, text, words):
+    file = (CONFIGS / "robots" / "pegasus.toml").read_text()
+    for old, new in robot.items():
+        assert old in file
+        file = file.replace(old, new)
+    (tmp_path / "robot.toml").write_text(file)
+    (tmp_path / "study.toml").write_text("robot = 'robot.toml'\n" + KIND + text)
+    error = refused(capsys, "plan", str(tmp_path / "study.toml"), "--terrain", "flat", *PLAN, "--out", str(tmp_path / "p.npz"))
+    assert error.count("\n") == 1
+    for word in words:
+        assert word in error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--out", "{folder}"), ["--out", "it is a folder"]),
+        (("--out", "{folder}/file/plan.npz"), ["plan.npz", "cannot be written", "Not a directory"]),
+        (("--figure", "{folder}/walk.pdf"), ["--figure", "walk.pdf", ".png"]),
+        (("--out", "{folder}/same.png", "--figure", "{folder}/same.png"), ["--out and --figure", "different"]),
+    ],
+)
+def test_outputs_are_checked_before_any_work(config, tmp_path, capsys, arguments, words):
+    (tmp_path / "file").touch()
+    arguments = [word.format(folder=tmp_path) for word in arguments]
+    error = refused(capsys, "plan", config(), "--terrain", "flat", *PLAN, *arguments)
+    assert error.count("\n") == 1
+    assert [word for word in words if word not in error and not (word == "--out" and str(tmp_path) in error)] == []
+
+
+def test_plan_checks_the_study_as_search_does(config, capsys):
+    error = refused(capsys, "plan", config(KIND + "[bounds]\nhip_height = [0.58, 0.40]\n"), "--terrain", "flat", *PLAN)
+    assert "bounds.hip_height" in error
+
+
+def test_a_kind_is_made_with_configs_settings():
+    """By its name in CONFIG or its generator's; steps of 0.12 m, not the 0.08 m that nobody asked for."""
+    study = Study(kinds={"flat": Kind(), "steep": Kind("stairs", rise=0.24, run=0.5)})
+    for name in ("steep", "stairs"):
+        elevation = np.asarray(find_terrain(study, name, 0.5).terrain.elevation)
+        np.testing.assert_allclose(np.unique(np.diff(elevation[:, 0]).round(6)), [0.0, 0.12], atol=1e-6)
+    lumps = Study(kinds={"lumps": Kind("cuboids", cuboid=1.0, cuboid_height=0.3)})
+    assert 0.15 < np.abs(np.asarray(find_terrain(lumps, "cuboids", 1.0).terrain.elevation)).max() <= 0.3
+
+
+def test_an_own_generator_is_a_kind(monkeypatch, config, tmp_path):
+    """README: write your own terrain."""
+
+    def ridge(grid: Grid, key, difficulty, settings) -> HeightMap:
+        return grid.map(0.1 * difficulty * jnp.exp(-(grid.points()[..., 0] ** 2)))
+
+    monkeypatch.setitem(KINDS, "ridge", ridge)
+    task = read([config("[kinds.mine]\ngenerator = 'ridge'\n"), "--terrain", "mine", *PLAN, "--out", str(tmp_path / "plan.npz")])
+    assert float(task.map.terrain.elevation.max()) == pytest.approx(0.05, rel=1e-2)
+
+
+def test_what_is_not_used_of_a_gait_is_said():
+    study = Study(kinds={"a": Kind(), "b": Kind(gait=Gait(foot_offset=-0.1, skew=0.1, swing_height=0.1))})
+    assert notes(study, "a") == []
+    (note,) = notes(study, "b")
+    assert "kinds.b.gait" in note
+    assert "foot_offset -0.1, skew 0.1" in note
+    assert "swing_height" not in note
+
+
+class Walk:
+    status, visited = NavigationStatus.DEAD_END, 12
+    causes = np.zeros(8, int)
+
+
+def test_a_dead_ends_causes_are_counted():
+    Walk.causes[[Cause.NONE, Cause.KINEMATICS, Cause.STABILITY]] = 4, 3, 5
+    lines = reasons(None, Walk, np.zeros(2), np.zeros(2))
+    assert "no series of gaits" in lines[0]
+    assert "12 candidate states" in lines[1]
+    assert [line.split(maxsplit=1) for line in lines[2:]] == [["5", CAUSES["STABILITY"]], ["3", CAUSES["KINEMATICS"]]]
+    assert set(CAUSES) == {cause.name for cause in Cause} - {"NONE"}
+
+
+def test_far_maps_take_far_ends(config, map_file, tmp_path, capsys):
+    """Start and goal are read in W, where float32 could not hold them."""
+    far = np.array([388096.0, 3948996.0])
+    ends = ["--start", "388096.5", "3948996.5", "--goal", "388098.5", "3948997"]
+    task = read([config(), "--terrain", map_file(origin_xy=far), *ends, "--out", str(tmp_path / "plan.npz")])
+    for name, xy in (("start", far + 0.5), ("goal", far + [2.5, 1.0])):
+        np.testing.assert_array_equal(task.ends[name] + task.map.datum[:2], xy)
+        assert np.abs(task.ends[name]).max() < 128.0
+    error = refused(capsys, "plan", config(), "--terrain", map_file(origin_xy=far), *PLAN)
+    assert "388096.00 to 388099.16" in error

@@ -74,13 +74,13 @@ def spoiled():
     for _ in range(FILES):
         path, word = paths[rng.integers(len(paths))], words[rng.integers(len(words))]
         value = at(table, path)
-        if word == "misspelt":
-            changed = put(put(table, path, None), (*path[:-1], path[-1] + "x"), value)
-        else:
-            changed = put(table, path, None if word == "left out" else CHANGES[word](value))
         try:
+            if word == "misspelt":
+                changed = put(put(table, path, None), (*path[:-1], path[-1] + "x"), value)
+            else:
+                changed = put(table, path, None if word == "left out" else CHANGES[word](value))
             yield f"{'.'.join(path)} {word}", tomli_w.dumps(changed)
-        except TypeError:  # what TOML cannot say
+        except TypeError:  # what cannot be done to this value, or TOML cannot say
             continue
 
 

@@ -1,6 +1,7 @@
 """Settings: what is written is read back equal; what is wrong is refused in one sentence that helps."""
 
 import dataclasses
+import os
 from pathlib import Path
 from typing import Literal
 
@@ -113,6 +114,10 @@ def test_unreadable_file(tmp_path: Path) -> None:
     (tmp_path / "latin.toml").write_bytes(b'name = "\xe9"')
     assert refusal(load, Study, tmp_path / "no.toml") == f"{tmp_path}/no.toml: cannot be read: No such file or directory"
     assert "Is a directory" in refusal(load, Study, tmp_path)
+    os.mkfifo(tmp_path / "pipe.toml")
+    assert "a device or a pipe" in refusal(load, Study, tmp_path / "pipe.toml")  # it would wait for ever
+    (tmp_path / "long.toml").write_text("x = 1\n" * 300_000)
+    assert "longer than 1000000 characters" in refusal(load, Study, tmp_path / "long.toml")
     assert "cannot be read: 'utf-8' codec" in refusal(load, Study, tmp_path / "latin.toml")
 
 

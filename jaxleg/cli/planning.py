@@ -8,7 +8,6 @@ import numpy as np
 
 from jaxleg.cli.start import EXIT_INFEASIBLE
 from jaxleg.conventions import InputError
-from jaxleg.files import replace_whole
 from jaxleg.planning.footholds import nearest_cell
 from jaxleg.planning.level import level_stance
 from jaxleg.planning.navigation import NavigationStatus
@@ -143,4 +142,4 @@ def picture(task: Any, survey: Any, walk: Any, start: np.ndarray, goal: np.ndarr
 
     trunk = np.asarray(walk.states.pose)[: int(walk.count) + 1, :2]
     seen, (x, y, _) = trail(task.map.terrain, walk, trunk, start, goal, simulated=False), task.map.datum
-    replace_whole(task.figure, lambda path: draw_walk(task.map.terrain, survey.scene.valid, seen, path, (x, y)))
+    draw_walk(task.map.terrain, survey.scene.valid, seen, task.figure, (x, y))

@@ -94,7 +94,6 @@ def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) 
 
 def draw(study: Any, robot: Any, result: dict[str, Any], folder: Any) -> list[str]:
     """Draw what can be drawn; returns a line on each picture that cannot. The result is safe by then."""
-    from jaxleg.files import replace_whole
     from jaxleg.search.run import make_lab
 
     failed = []
@@ -106,7 +105,7 @@ def draw(study: Any, robot: Any, result: dict[str, Any], folder: Any) -> list[st
         return [f"{folder.figures}: {error}"]
     for name, picture in pictures.items():
         try:
-            replace_whole(folder.figures / name, picture)
+            picture(folder.figures / name)
         except Exception as error:
             failed.append(f"{folder.figures / name}: {error}")
     return failed

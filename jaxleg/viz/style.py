@@ -10,6 +10,8 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jaxleg.files import replace_whole
+
 WIDTH = 8.0
 BLACK, GREY, PALE = "#000000", "#7f7f7f", "#d9d9d9"
 BLUE, SKY, GREEN, ORANGE, RED, PURPLE = "#0072B2", "#56B4E9", "#009E73", "#E69F00", "#D55E00", "#CC79A7"
@@ -49,6 +51,5 @@ def legend_below(figure: Figure, handles: list, columns: int) -> None:
 
 
 def save(figure: Figure, path: str | Path) -> None:
-    """Write a PNG, making its folder."""
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=150, format="png")
+    """Write a PNG. Raises `InputError` as `replace_whole`."""
+    replace_whole(path, lambda part: figure.savefig(part, dpi=150, format="png"))

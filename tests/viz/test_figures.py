@@ -84,6 +84,7 @@ def result() -> dict:
         "power": "positive",
         "saving": {"mjx": dict.fromkeys(STAGES, saving)},
         "bounds": {"flat": SPANS, "stairs": SPANS},
+        "terrains": {"by_kind": {"held_out": {"flat": 8, "stairs": 8}}},
         "active_constraints": {who: {"flat": ["knee_bend"], "stairs": []} for who in STAGES},
     }
 
@@ -124,6 +125,19 @@ def test_energy_interval_of_equal_lanes(drawn, tmp_path):
     data["best"]["flat"]["energy_per_metre"]["positive"] = {"mean": 250.0, "ci95": [250.0 + 1e-9] * 2}
     figures.energy(data, tmp_path / "energy.png")
     assert drawn
+
+
+def test_a_single_terrain_has_no_interval(drawn, tmp_path):
+    data, path = result(), tmp_path / "energy.png"
+    data["terrains"]["by_kind"]["held_out"]["flat"] = 1
+    for row in data["best"]["flat"]["energy_per_metre"].values():
+        row["ci95"] = None
+    data["saving"]["mjx"] = {who: {"flat": {"positive": {"mean": 0.24, "ci95": None}}} for who in STAGES}
+    figures.energy(data, path)
+    flat_ax, stairs_ax = panels(drawn, path)
+    assert flat_ax.get_title() == "flat, 1 terrain, no interval"
+    assert stairs_ax.get_title() == "stairs, 8 terrains"
+    assert "saves 24.0 %" in texts(flat_ax)
 
 
 def test_history(drawn, tmp_path):

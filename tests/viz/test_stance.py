@@ -24,8 +24,8 @@ def test_gait_regions(pegasus, monkeypatch, tmp_path):
 
 
 def test_the_colour_at_a_point_is_its_constraint(pegasus, monkeypatch, tmp_path):
-    saved = []
-    monkeypatch.setattr(Figure, "savefig", lambda self, *args, **options: saved.append(self))
+    saved, write = [], Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda self, *args, **options: (saved.append(self), write(self, *args, **options)))
     stance.gait_regions(pegasus, [0.5], (0.2, 0.3), tmp_path / "region.png")
     mesh = saved[0].axes[0].collections[0]
     values = np.ma.filled(mesh.get_array(), np.nan)
