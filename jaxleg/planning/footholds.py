@@ -119,10 +119,10 @@ def nearest_cell(terrain: HeightMap, xy: Float[Array, "*n 2"]) -> Int[Array, "*n
 def _look(nominal, valid, terrain, seen: Candidates, reachable: Reachable, cells: tuple[int, int]) -> Found:
     """Cut each leg's candidates out of the map, which is bordered by cells that are no footholds."""
     footing = jnp.where(valid & jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
-    border = [(2 * n, 2 * n + 1) for n in cells]  # a nominal foothold beyond it sees nothing but border
+    border = [(2 * n + 1, 2 * n + 1) for n in cells]  # a nominal foothold beyond it sees nothing but border
     bordered = jnp.pad(footing, border, constant_values=jnp.nan)
     half, size = jnp.array(cells), tuple(2 * n + 1 for n in cells)
-    corner = jnp.clip(nearest_cell(terrain, nominal) + half, 0, jnp.array(bordered.shape) - jnp.array(size))
+    corner = jnp.clip(nearest_cell(terrain, nominal) + half + 1, 0, jnp.array(bordered.shape) - jnp.array(size))
     height = jax.vmap(lambda c: jax.lax.dynamic_slice(bordered, c, size))(corner)
     level = _levels(jnp.where(seen.long, height, jnp.nan))
     return Found(footing, level, _within(height, level[:, None, None], reachable))

@@ -18,14 +18,16 @@ def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int
     tracks = lab.reference_lanes(rows, lanes.site, lanes.setting)
     terrains, tracks = (unstack(jax.tree.map(np.asarray, tree)) for tree in (lanes.site.terrain, tracks))
     verdicts = replay(lab.robot, terrains, tracks, float(lab.ground.friction))
-    seen = {name: np.array([getattr(v, name) for v in verdicts]) for name in Verdict._fields}
-    power = Power(*(jnp.asarray(seen[name], float) for name in ("mechanical", "mechanical_positive", "joule")))
-    energy = np.stack([np.asarray(electrical(power, convention)) / seen["distance"] for convention in CONVENTIONS], axis=-1)
+    seen = {name: np.array([getattr(v, name) for v in verdicts], float) for name in Verdict._fields}
+    power = Power(*(jnp.asarray(seen[name]) for name in ("mechanical", "mechanical_positive", "joule")))
+    total = np.stack([np.asarray(electrical(power, convention)) for convention in CONVENTIONS], axis=-1)
+    way = seen["distance"][:, None]
+    energy = np.divide(total, way, out=np.full(total.shape, np.nan), where=way != 0.0)  # a fall at once goes nowhere
     infeasible = ~keeps_limits(score.checks, np.asarray(lanes.setting.least_bend))
     number = score.energy.dtype
     fields = (energy, seen["distance"], seen["time"], seen["slip"], seen["margin"])
     numbers = [np.asarray(x, number) for x in fields] + [score.checks.knee_bend, score.checks.lowering]
-    data = Contest(*numbers, seen["fell"], infeasible, score.slack)
+    data = Contest(*numbers, seen["fell"].astype(bool), infeasible, score.slack)
     return Contest(*(x.reshape(contestants, -1, *x.shape[1:]) for x in data))
 
 

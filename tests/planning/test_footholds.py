@@ -9,7 +9,7 @@ import pytest
 
 from jaxleg.kinematics import Reach, knee_bend, leg_angles
 from jaxleg.plan import FootholdStatus
-from jaxleg.planning.footholds import Reachable, choose, soft_offset
+from jaxleg.planning.footholds import Reachable, choose, nearest_cell, soft_offset
 from jaxleg.planning.planner import Site, plan_footholds, reachable_heights
 from jaxleg.planning.rectangle import Extent, SearchRectangle, extent_of, feasible_score
 from jaxleg.terrain import HeightMap
@@ -213,3 +213,14 @@ def test_the_soft_choice_tends_to_the_exact_one_and_has_a_true_gradient():
     slope = jax.jacfwd(soft)(0.45, 0.1, ground)
     difference = (soft(0.45 + 1e-5, 0.1, ground) - soft(0.45 - 1e-5, 0.1, ground)) / 2e-5
     np.testing.assert_allclose(slope, difference, rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("nowhere", [np.nan, np.inf, -np.inf, 1e30])
+def test_a_nominal_foothold_that_is_nowhere_finds_none(nowhere):
+    """Not the map's first cell, which converting NaN to an integer gives."""
+    ground = site(np.ones((80, 50), bool))
+    found = chosen(jnp.asarray(NOMINAL).at[1, 0].set(nowhere), ground, rectangle())
+    assert found.status[1] == FootholdStatus.NONE
+    assert np.isfinite(found.offset).all()
+    cell = nearest_cell(ground.terrain, jnp.array([nowhere, 0.0]))
+    assert not 0 <= cell[0] < 80

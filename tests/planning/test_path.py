@@ -284,3 +284,21 @@ def test_lanes_may_share_a_map_or_a_goal(moves):
     many, goals = jnp.stack([moves, 2.0 * moves]), jnp.stack([GOAL, GOAL])
     assert_allclose(jax.jit(jax.vmap(cost_to_go, (0, None)))(many, GOAL), np.stack([one, 2.0 * one]))
     assert_allclose(jax.jit(jax.vmap(cost_to_go, (None, 0)))(moves, goals), np.stack([one, one]))
+
+
+def test_ends_that_are_nowhere_are_blocked():
+    """Off the map by a million cells, as `nearest_cell` has what is not a number."""
+    cost, here, nowhere = jnp.full((8, *SHAPE), 0.5), jnp.array([3, 4]), jnp.array([-(2**20), 4])
+    weights = PathWeights(jnp.asarray(0.4), jnp.asarray(0.6))
+    run = jax.jit(lambda a, b: find_path(cost, a, b, weights, jnp.array([0.1, 0.1]), LONGEST).status)
+    assert [run(here, here), run(nowhere, here), run(here, nowhere)] == [
+        PathStatus.OK,
+        PathStatus.START_BLOCKED,
+        PathStatus.GOAL_BLOCKED,
+    ]
+
+
+def test_weights_that_are_not_finite_give_no_path():
+    cost, ends = jnp.full((8, *SHAPE), 0.5), (jnp.array([3, 4]), jnp.array([9, 9]))
+    weights = PathWeights(jnp.asarray(jnp.nan), jnp.asarray(0.6))
+    assert find_path(cost, *ends, weights, jnp.array([0.1, 0.1]), LONGEST).status != PathStatus.OK

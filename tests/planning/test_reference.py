@@ -10,6 +10,7 @@ import pytest
 from jaxleg.energy import CONVENTIONS, electrical, motor_power
 from jaxleg.gait import SWING_LEG
 from jaxleg.kinematics import foot_position
+from jaxleg.plan import PlanStatus
 from jaxleg.planning.proxy import evaluate
 from jaxleg.planning.reference import instant, phase_samples, reference
 from tests.planning.conftest import gait, settings
@@ -69,13 +70,38 @@ def test_the_samples_are_those_of_the_phases(planned):
     np.testing.assert_allclose(jnp.linalg.norm(track.trunk_quat, axis=1), 1.0)
 
 
-def test_the_proxy_is_the_integral_of_the_reference(planned, pegasus):
+@pytest.fixture(scope="module")
+def proxy():
+    return jax.jit(lambda robot, walk: evaluate(robot, walk, settings()))
+
+
+def test_the_proxy_is_the_integral_of_the_reference(planned, pegasus, proxy):
     walk, _ = planned
     fine = jax.jit(lambda w: reference(pegasus, w, settings(), (400, 400)))(walk)
     power = motor_power(pegasus, fine.joint_torque, fine.joint_vel)
     seconds = np.diff(fine.time)[:, None, None]
-    proxy = jax.jit(lambda w: evaluate(pegasus, w, settings()))(walk)
+    seen = proxy(pegasus, walk)
     integral = jax.tree.map(lambda p: np.sum(0.5 * (p[1:] + p[:-1]) * seconds), power)
-    total = jax.tree.map(jnp.sum, proxy.energy)
+    total = jax.tree.map(jnp.sum, seen.energy)
     for convention in CONVENTIONS:
         np.testing.assert_allclose(electrical(total, convention), electrical(integral, convention), rtol=3e-3)
+
+
+@pytest.mark.parametrize("knee_deg", [(48.0, 156.0), (-180.0, 40.0), (20.0, 150.0)])
+def test_the_room_of_the_joints_is_the_least_over_the_walk(planned, pegasus, proxy, knee_deg):
+    walk, track = planned
+    spans = np.deg2rad([[-30.0, 40.0], [-100.0, 100.0], knee_deg])
+    robot = dataclasses.replace(pegasus, joint_range=jnp.broadcast_to(spans, (4, 3, 2)))
+    angles = np.asarray(track.joint_pos)
+    room = np.minimum(angles - spans[:, 0], spans[:, 1] - angles).min()
+    np.testing.assert_allclose(proxy(robot, walk).checks.joint_room, room, atol=2e-3)
+
+
+@pytest.mark.parametrize("spoilt", ["waypoints", "cycle_time", "footholds"])
+def test_a_walk_that_is_not_finite_is_never_ok(planned, pegasus, proxy, spoilt):
+    """The phases are made of all three."""
+    walk, _ = planned
+    parts = {"waypoints": "trunk_to", "cycle_time": "duration", "footholds": "feet_to"}
+    phases = walk.phases._replace(**{parts[spoilt]: getattr(walk.phases, parts[spoilt]).at[3].set(jnp.nan)})
+    bad = walk._replace(phases=phases, **{spoilt: jnp.full_like(getattr(walk, spoilt), jnp.nan)})
+    assert proxy(pegasus, bad).checks.status == PlanStatus.NOT_FINITE

@@ -1,10 +1,12 @@
 """Savings: pairs, intervals, and who is left out."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.search.contest import Contest, active_constraints, bootstrap, savings
-from jaxleg.search.lanes import CONSTRAINTS
+from jaxleg.plan import PlanChecks, PlanStatus
+from jaxleg.search.contest import ACTIVE, Contest, active_constraints, bootstrap, keeps_limits, savings
+from jaxleg.search.lanes import CONSTRAINTS, SCALES, penalty
 
 NAMES = ("traditional", "paper", "best")
 
@@ -64,3 +66,15 @@ def test_what_binds_is_named():
     vector[6] = 0.0
     named = active_constraints(contest(np.ones((3, 2)), slack=slack), 2, vector, bounds)
     assert named == ["margin", "swing_height at its lower bound"]
+
+
+def test_a_plan_beyond_a_joints_range_is_infeasible_and_punished():
+    """A robot with knees from 48 degrees on that is given 20: 28 units of a degree."""
+    checks = PlanChecks(*map(np.asarray, (np.deg2rad(20.0), 0.1, 0.5, 1.0, np.deg2rad(-28.0), 0.0, PlanStatus.OK)))
+    assert not keeps_limits(checks, np.deg2rad(20.0))
+    assert keeps_limits(checks._replace(joint_room=np.asarray(np.deg2rad(-0.1))), np.deg2rad(20.0))
+    assert not keeps_limits(checks._replace(joint_room=np.asarray(np.nan)), np.deg2rad(20.0))
+    slack = np.where(np.array(CONSTRAINTS) == "joint_range", np.deg2rad(-28.0), 1.0)
+    assert penalty(jnp.asarray(slack)) == pytest.approx(2.0 * (np.hypot(1.0, 28.0) - 1.0))
+    assert set(ACTIVE) == set(CONSTRAINTS)
+    assert len(SCALES) == len(CONSTRAINTS)
