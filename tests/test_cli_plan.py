@@ -189,7 +189,8 @@ def test_an_own_generator_is_a_kind(monkeypatch, config, tmp_path):
         return grid.map(0.1 * difficulty * jnp.exp(-(grid.points()[..., 0] ** 2)))
 
     monkeypatch.setitem(KINDS, "ridge", ridge)
-    task = read([config("[kinds.mine]\ngenerator = 'ridge'\n"), "--terrain", "mine", *PLAN, "--out", str(tmp_path / "plan.npz")])
+    out = ("--out", str(tmp_path / "plan.npz"))
+    task = read([config("[kinds.mine]\ngenerator = 'ridge'\n"), "--terrain", "mine", *PLAN, *out])
     assert float(task.map.terrain.elevation.max()) == pytest.approx(0.05, rel=1e-2)
 
 
@@ -221,7 +222,7 @@ def test_far_maps_take_far_ends(config, map_file, tmp_path, capsys):
     far = np.array([388096.0, 3948996.0])
     ends = ["--start", "388096.5", "3948996.5", "--goal", "388098.5", "3948997"]
     task = read([config(), "--terrain", map_file(origin_xy=far), *ends, "--out", str(tmp_path / "plan.npz")])
-    for name, xy in (("start", far + 0.5), ("goal", far + [2.5, 1.0])):
+    for name, xy in (("start", far + 0.5), ("goal", far + np.array([2.5, 1.0]))):
         np.testing.assert_array_equal(task.ends[name] + task.map.datum[:2], xy)
         assert np.abs(task.ends[name]).max() < 128.0
     error = refused(capsys, "plan", config(), "--terrain", map_file(origin_xy=far), *PLAN)

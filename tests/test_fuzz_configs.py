@@ -1,4 +1,4 @@
-"""Spoiled study files, seeded: none a traceback, none slow; what is read is built and walks, by numbers or by a named status."""
+"""Spoiled study files, seeded: none a traceback, none slow; what is read is built and walks, or has a named status."""
 
 import copy
 import time

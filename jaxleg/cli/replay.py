@@ -66,7 +66,10 @@ def show(result: dict[str, Any]) -> None:
     energy = ", ".join(f"{name} {value:.0f}" for name, value in result["energy_per_metre"].items())
     ended = "fell" if result["fell"] else "walked" if result["finished"] else "did not finish:"
     print(f"{result['engine']}: {ended} {result['distance']:.2f} m in {result['time']:.1f} s")
-    print(f"energy J/m: {energy}; cost of transport {result['cost_of_transport']:.2f} ({result['power']})")
+    if np.isfinite(result["cost_of_transport"]):
+        print(f"energy J/m: {energy}; cost of transport {result['cost_of_transport']:.2f} ({result['power']})")
+    else:
+        print("energy J/m: none, the walk went no way or is not finite")
     print(f"least stability margin {result['margin']:.3f} m, slip {result['slip']:.3f} m a foot")
     print(f"distance to the goal {result['left']:.3f} m")
     if np.isfinite(result.get("landing_worst", np.nan)):
