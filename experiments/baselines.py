@@ -32,6 +32,7 @@ NET = CONVENTIONS.index("net")
 HEIGHTS, OFFSETS = np.linspace(0.44, 0.50, 7), np.linspace(-0.10, 0.10, 9)  # H_COG, L_F2H centre [m]
 SKEWS = {"no skew": 0.0, "skew of half a step": 0.1}  # [m]
 MASSES = {"midway": 0.0, "0.1 m behind": -0.1}  # centre of mass from the hips' centre, fore and aft [m]
+NEAR = 0.2  # percentage points between two pairs of savings that count as the same
 LOSSES = np.linspace(0.0, 0.9, 91)  # constant loss as a share of the baseline's power
 PAPER = {"average power": {"flat": 10.2, "stairs": 6.9}, "sums": {"flat": 12.0, "stairs": 7.94}}  # Table I [%]
 
@@ -52,7 +53,8 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     for name, match in matches.items():
         print(f"{name}, paper {PAPER[name]['flat']} % flat and {PAPER[name]['stairs']} % stairs, is nearest to")
         for title in ("as it is", "with a constant loss"):
-            print(f"  {title}: {describe(match[title])}")
+            cell = match[title]
+            print(f"  {title}: {describe(cell)}; {cell['cells']} cells within {NEAR} points, losses {cell['losses']}")
     write("baselines", out, {"rows": rows, "nearest": matches, "paper": PAPER, "speed": SPEED})
     folder = out or Path("runs") / "baselines"
     for contestant in ("paper", "ours"):
@@ -126,7 +128,15 @@ def nearest(rows: list[dict[str, Any]], target: dict[str, float]) -> dict[str, A
         cell = {key: pairs[i][0][key] for key in ("mass", "skew", "hip_height", "foot_offset")}
         pair = (1.0 - shares[j]) * pairs[i][1]
         found[title] = cell | {"loss": float(shares[j]), "flat": pair[0], "stairs": pair[1], "miss": float(misses[i, j])}
+        found[title] |= matching(misses, shares)
     return jax.tree.map(as_number, found)
+
+
+def matching(misses: np.ndarray, shares: np.ndarray) -> dict[str, Any]:
+    """How many cells come within `NEAR` of the paper with some loss, and with which."""
+    near = np.flatnonzero(misses.min(axis=1) < NEAR)
+    losses = shares[misses[near].argmin(axis=1)]
+    return {"within": NEAR, "cells": len(near), "losses": [losses.min(), losses.max()] if len(near) else []}
 
 
 def savings(row: dict[str, Any]) -> np.ndarray | None:

@@ -1,7 +1,7 @@
 """Batches of lanes: compiled once for one chunk, its lanes shared out over all devices of this process.
 
 On a CPU, start JAX with one device a core (`jax_num_cpu_devices`; the command line does): each core then runs its own lanes
-through small arrays that stay in its cache, which is about three times as fast as XLA splitting each operation over the cores.
+through small arrays that stay in its cache, instead of XLA splitting each operation over the cores.
 """
 
 import functools

@@ -95,7 +95,7 @@ class Terrains:
     held_out: int = setting(96, min=1, max=1_000_000, help="held-out terrains, over all kinds")
     cells: tuple[int, int] = setting((112, 52), min=8, max=4096, help="map size along x and y")
     resolution: float = setting(0.02, min=0.005, max=0.2, unit="m", help="size of a cell")
-    # 0.7, the first author's later choice, narrows a 0.30 m tread to 9 cells; on stairs the margin then fell below zero
+    # 0.7, the first author's later choice, narrows a 0.30 m tread of 15 cells from 11 to 9 (tests/search/test_sites.py)
     least_traversability: float = setting(0.6, min=0.0, max=1.0, help="of every cell under a foot, 1 = easy")
     slope_limit_deg: float = setting(35.0, above=0.0, below=90.0, unit="deg", help="steepest valid foothold")
     edge_height: float = setting(0.03, above=0.0, max=1.0, unit="m", help="a jump between cells that counts as an edge")
