@@ -16,6 +16,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Entry point of the console script; exits with 0, 1 (nothing feasible), 2 (bad input), 130 (interrupted) or 141 (nobody
     reads on)."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    os.environ["MUJOCO_GL"] = "disable"  # nothing is rendered by MuJoCo; to load OpenGL may fail
     try:
         try:
             sys.exit(dispatch(arguments))
