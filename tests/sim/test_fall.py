@@ -5,8 +5,10 @@ import os
 
 import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
 import pytest
+from mujoco import rollout
 
 from jaxleg.planning.reference import reference
 from jaxleg.planning.standing import up_down
@@ -14,7 +16,8 @@ from jaxleg.sim import fall
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.follow import follow
-from jaxleg.sim.referee import replay
+from jaxleg.sim.model import build_model
+from jaxleg.sim.referee import controls, no_log, replay, start_state, unstable
 from jaxleg.sim.referee_follow import follow_all
 from jaxleg.sim.rollout import simulate
 from jaxleg.sim.step import State
@@ -173,3 +176,16 @@ def test_a_trunk_on_its_side_or_back_has_fallen(pegasus, tilt, falls):
     state = State(jnp.array(q), jnp.zeros(18))
     trunk = fall.watch_trunk(pegasus, LEVEL, state, jnp.zeros((4, 3)))
     assert bool(fall.fallen(trunk, state, jnp.zeros((4, 3)))) == falls
+
+
+def test_steps_that_mujoco_warned_of_are_unstable(pegasus, standing):
+    """With `rollout`'s own record of them: after a warning time stands still. A robot that stands is stable."""
+    model = build_model(pegasus, LEVEL, 0.8)
+    starts = np.stack([start_state(model, x) for x in (standing, spoiled(standing, joint_pos=lambda x: np.full_like(x, 1e30)))])
+    held = np.repeat(controls(pegasus, standing)[:1], 5, axis=0)
+    with no_log():
+        states, _ = rollout.rollout([model] * 2, [mujoco.MjData(model)], starts, np.stack([held] * 2))
+    assert unstable(starts[:, 0], states).tolist() == [False, True]
+    assert unstable(starts[:, 0], np.clip(states, -10.0, 10.0)).tolist() == [False, True]  # by the clock alone
+    states[0, -1, 20] = np.nan
+    assert unstable(starts[:, 0], states).all()
