@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
-from jaxleg.sim.mjcf import robot_mjcf
 from mujoco import mjx
 
 from jaxleg.conventions import InputError
+from jaxleg.robot.mjcf import robot_mjcf
 from jaxleg.sim import engine
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.follow import follow
