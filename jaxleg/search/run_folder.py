@@ -70,10 +70,14 @@ class RunFolder:
             folder._require(tables, resume)
             folder.path.mkdir(parents=True, exist_ok=True)
             folder._take()
-            folder._require(tables, resume)  # again: another process may have been here before the lock
-            folder._compare(about or {}) if resume else folder._begin(tables, about or {})
-            folder.figures.mkdir(exist_ok=True)
-            folder.checkpoints.mkdir(exist_ok=True)
+            try:
+                folder._require(tables, resume)  # again: another process may have been here before the lock
+                folder._compare(about or {}) if resume else folder._begin(tables, about or {})
+                folder.figures.mkdir(exist_ok=True)
+                folder.checkpoints.mkdir(exist_ok=True)
+            except BaseException:
+                folder.close()
+                raise
         return folder
 
     def close(self) -> None:
@@ -166,8 +170,9 @@ class RunFolder:
     def _compare(self, about: Mapping[str, str]) -> None:
         try:
             before = json.loads(self.about.read_text("utf-8"))
-            self.changes = [f"{name} {before[name]}, now {about[name]}" for name in about if before[name] != about[name]]
-        except (ValueError, KeyError, TypeError) as error:
+            pairs = {name: (before.get(name, "unknown"), now) for name, now in about.items()}
+            self.changes = [f"{name} {old}, now {new}" for name, (old, new) in pairs.items() if old != new]
+        except (ValueError, AttributeError) as error:
             raise InputError(f"{self.about}: is not what a run writes there; restore it or give another --out") from error
         whole = self._history_rows()
         self._written = {tuple(row[:3]) for row in csv.reader(io.StringIO(whole, newline=""))}

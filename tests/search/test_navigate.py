@@ -1,6 +1,7 @@
 """From map to goal and back from the file: paper C's planner, MJX and the referee, on one small map."""
 
 import dataclasses
+import functools
 import json
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from jaxleg.search.navigate import navigate, navigator_of, on_valid_cells, simul
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.terrain import Grid, TerrainSettings, terrain
+from jaxleg.terrain.heightmap import HeightMap
 
 pytestmark = pytest.mark.slow
 
@@ -100,3 +102,14 @@ def test_a_walled_goal_is_said_to_be_out_of_reach(tmp_path, capsys):
         main(["plan", str(tmp_path / "study.toml"), "--terrain", str(tmp_path / "map.npz"), *ends])
     assert stop.value.code == 1
     assert "no path leads from start to goal" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_survey_takes_little_memory(pegasus):
+    """Bytes a cell beyond its result: the scores of eight features for one leg and heading at a time, not for all 32."""
+    navigator = navigator_of(Study(kinds={"flat": Kind()}), pegasus, Gait(), 0.04)
+    number = functools.partial(jax.ShapeDtypeStruct, dtype=jax.numpy.float32)
+    cells = 200
+    ground = jax.tree.map(number, HeightMap((cells, cells), (2,), ()), is_leaf=lambda x: isinstance(x, tuple))
+    single = jax.tree.map(lambda x: x.astype(np.float32) if x.dtype == np.float64 else x, navigator.robot)
+    memory = jax.jit(dataclasses.replace(navigator, robot=single).survey).lower(ground).compile().memory_analysis()
+    assert memory.temp_size_in_bytes / cells**2 < 2000.0

@@ -9,12 +9,14 @@ import jax
 import numpy as np
 import pytest
 
-from jaxleg.robot import load_robot
+from jaxleg.cli.search import run_study
+from jaxleg.robot import RobotFile, build_robot
 from jaxleg.search import run as runs
 from jaxleg.search.config import Study, robot_path
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.search.study import run
 from jaxleg.settings import dump, load
+from jaxleg.viz import study as pictures
 
 CONFIG = Path(__file__).parents[2] / "configs/quickstart.toml"
 SHORT = dict(
@@ -29,13 +31,14 @@ def short() -> Study:
     study = load(Study, CONFIG)
     return dataclasses.replace(
         study,
+        robot="robot.toml",
         terrains=dataclasses.replace(study.terrains, train=12, held_out=6),
         search=dataclasses.replace(study.search, **SHORT),
         simulation=dataclasses.replace(study.simulation, chunk=8),
     )
 
 
-STUDY = short()
+STUDY, ROBOT = short(), load(RobotFile, robot_path(load(Study, CONFIG), CONFIG))
 
 
 class Killed(BaseException):
@@ -54,7 +57,7 @@ def single():
 
 @pytest.fixture(scope="module")
 def robot(single):
-    return load_robot(robot_path(STUDY, CONFIG))
+    return build_robot(ROBOT)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -68,7 +71,7 @@ def one_lab(single, robot):
 
 def search(path, robot, resume, study=STUDY, saves=None):
     """The result and best gaits of a run, killed after so many saves (None: never); its saves are counted."""
-    folder = RunFolder.open(path, {"config": study}, resume)
+    folder = RunFolder.open(path, {"config": study, "robot": ROBOT}, resume, {"jax": "any"})
     done, keep = [], folder.save
 
     def save(stage, tree):
@@ -138,3 +141,19 @@ def test_few_or_no_terrains_for_the_referee(answer, whole, tmp_path, robot, numb
     assert result["terrains"]["by_kind"]["referee"] == {"flat": number, "rough": 0, "stairs": 0}
     assert result["saving"]["mujoco"]["best"]["rough"]["net"] == {"mean": None, "ci95": None}
     assert result["best"] == answer[0]["best"]
+
+
+def test_pictures_that_fail_lose_no_result(answer, whole, tmp_path, robot, monkeypatch, capsys):
+    """They come last, each by itself; what failed is said, and the exit status is that of the result."""
+    path = tmp_path / "run"
+    shutil.copytree(whole, path)
+    monkeypatch.setattr(pictures, "study_pictures", lambda *_: {"bad.png": fail, "good.png": lambda file: file.touch()})
+    assert run_study(STUDY, robot, ROBOT, path, resume=True) == 0
+    assert json.loads((path / "result.json").read_text()) | {"timing": None} == answer[0]
+    assert load(Study, path / "best.toml").kinds["flat"].gait.hip_height == pytest.approx(answer[1]["flat"][-1][0])
+    assert (path / "figures" / "good.png").exists()
+    assert "bad.png: no ink" in "".join(capsys.readouterr().out.split("\n"))
+
+
+def fail(path):
+    raise RuntimeError("no ink")

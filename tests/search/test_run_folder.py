@@ -159,6 +159,16 @@ def test_changed_versions_are_told(tmp_path: Path) -> None:
     RunFolder.open(tmp_path, {"config": CONFIG}, False, {"jax": "1", "devices": "2"}).close()
     folder = RunFolder.open(tmp_path, {"config": CONFIG}, True, {"jax": "1", "devices": "1"})
     assert folder.changes == ["devices 2, now 1"]
+    folder.close()
+    assert RunFolder.open(tmp_path, {"config": CONFIG}, True, {"jax": "1", "new": "3"}).changes == ["new unknown, now 3"]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{"])
+def test_a_damaged_about(tmp_path: Path, text: str) -> None:
+    RunFolder.open(tmp_path, {"config": CONFIG}, False, {"jax": "1"}).close()
+    (tmp_path / "about.json").write_text(text)
+    with pytest.raises(InputError, match=r"about.json: is not what a run writes there"):
+        RunFolder.open(tmp_path, {"config": CONFIG}, True, {"jax": "1"})
 
 
 @pytest.mark.parametrize("name", ["²", "٣", "01", "1x", "-1"])
