@@ -4,10 +4,12 @@
 through whole gait cycles.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Bool, Float
 
 from jaxleg.energy import Power
@@ -105,13 +107,13 @@ def _follow(engine, robot, ground, terrain, reference, steps, metered_from, keep
     count = tracking.dt.shape[0]
     metered = jnp.arange(count) >= metered_from * steps
 
-    @jax.checkpoint
+    @functools.partial(jax.checkpoint, policy=jax.checkpoint_policies.save_only_these_names("alive"))
     def body(carry, inputs):
         state, tally, alive = carry
         now, counts = inputs
         safe = jax.tree.map(lambda a, b: jnp.where(alive, a, b), state, start)
         after, measured = step(engine, robot, ground, terrain, safe, now)
-        ok = alive & ~fallen(trunk, after, measured.foot)
+        ok = checkpoint_name(alive & ~fallen(trunk, after, measured.foot), "alive")  # no fall is looked for twice
         after = jax.tree.map(lambda a, b: jnp.where(ok, a, b), after, state)
         tally = measure(tally, measured, after, state, counts & ok, now.dt)
         return (after, tally, ok), keep(measured, after, now.dt, ok)
