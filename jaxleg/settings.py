@@ -194,9 +194,9 @@ class _Place:
         fits = isinstance(value, _TYPES[self.kind]) and isinstance(value, bool) is (self.kind is bool)
         # no NaN passes the comparison, nor an integer that float() refuses
         self.require(fits and (self.kind is str or abs(value) <= sys.float_info.max), value)
+        self.require(all(test(value, limit) for _, test, limit in _limits(self.rule)), value)
         if self.kind is float and value and not SINGLE[0] <= abs(value) <= SINGLE[1]:
             raise self.error(f"is {_show(value)}, but single precision holds numbers from {SINGLE[0]} to {SINGLE[1]} only")
-        self.require(all(test(value, limit) for _, test, limit in _limits(self.rule)), value)
         return self.kind(value)
 
     def allowed(self) -> str:

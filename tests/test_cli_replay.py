@@ -62,6 +62,7 @@ def test_what_is_not_finite_is_null(plan, tmp_path, monkeypatch, capsys):
     result = {
         "engine": "mjx",
         "fell": True,
+        "finished": False,
         "energy_per_metre": {"net": nan, "positive": inf},
         "cost_of_transport": np.float64(-inf),
     }
