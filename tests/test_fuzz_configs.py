@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from jaxleg.cli.search import leg_numbers
+from jaxleg.cli.study import leg_numbers
 from jaxleg.conventions import InputError
 from jaxleg.plan import PlanStatus
 from jaxleg.planning.crawl import crawl

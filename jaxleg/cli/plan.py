@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxleg.cli.options import needed, numbers, take
-from jaxleg.cli.start import USAGE, configure_jax
+from jaxleg.cli.start import USAGE
+from jaxleg.cli.study import read_study
 from jaxleg.conventions import InputError
 from jaxleg.files import check_writable
 
@@ -54,7 +55,9 @@ def read(rest: list[str]) -> Task:
     out, figure, name = (take(rest, option) for option in ("out", "figure", "gait"))
     if not 0.0 <= difficulty <= 1.0:
         raise InputError(f"command line: --difficulty is {difficulty:g}, but must be from 0 to 1")
-    study, file, robot = read_config(rest)
+    if not rest or rest[0].startswith("-"):
+        raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
+    study, file, robot = read_study(rest.pop(0), rest, "jaxleg plan CONFIG")
     kind = gait_kind(study, name[0] if name else None, source)
     ground = find_terrain(study, source, difficulty)
     ends = {name: xy - ground.datum[:2] for name, xy in ends.items()}
@@ -72,27 +75,6 @@ def outputs(out: list[str] | None, figure: list[str] | None) -> tuple[Path, Path
     for path in filter(None, (plan_path, picture)):
         check_writable(path)
     return plan_path, picture
-
-
-def read_config(rest: list[str]) -> tuple[Any, Any, Any]:
-    """The study of CONFIG with its overrides, its robot's file and its robot, checked as a search checks them."""
-    from jaxleg.cli.search import leg_numbers
-    from jaxleg.robot import RobotFile, build_robot, check_robot
-    from jaxleg.search.checks import check_study
-    from jaxleg.search.config import Study, robot_path
-    from jaxleg.settings import from_command_line, load
-
-    if not rest or rest[0].startswith("-"):
-        raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
-    source = rest.pop(0)
-    study = from_command_line(Study, load(Study, source), rest, prog="jaxleg plan CONFIG")
-    path = robot_path(study, source)
-    file = load(RobotFile, path)
-    configure_jax()  # before any array is made, the robot's included
-    check_robot(file, str(path))
-    robot = build_robot(file)
-    check_study(study, source, leg_numbers(robot))
-    return study, file, robot
 
 
 def gait_kind(study: Any, name: str | None, terrain: str) -> str:

@@ -6,29 +6,27 @@ from pathlib import Path
 from typing import Any
 
 from jaxleg.cli.options import take
-from jaxleg.cli.start import EXIT_INFEASIBLE, EXIT_INTERRUPTED, USAGE, configure_jax
+from jaxleg.cli.start import EXIT_INFEASIBLE, EXIT_INTERRUPTED, USAGE
+from jaxleg.cli.study import read_study
 from jaxleg.conventions import InputError
 
 
 def search(arguments: list[str]) -> int:
     """`jaxleg search`: read and check everything first, then run the study in its folder."""
-    from jaxleg.robot import RobotFile, build_robot, check_robot
-    from jaxleg.search.checks import check_study
-    from jaxleg.search.config import Kind, Study, robot_path
-    from jaxleg.settings import from_command_line, load
-
     source, out, resume, overrides = split(arguments)
-    study = load(Study, source) if source else Study(kinds={"flat": Kind()})  # no CONFIG: only to show the help
-    study = from_command_line(Study, study, overrides, prog="jaxleg search CONFIG")
     if source is None:
-        raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
-    path = robot_path(study, source)
-    file = load(RobotFile, path)
-    configure_jax()  # before any array is made, the robot's included
-    check_robot(file, str(path))
-    robot = build_robot(file)
-    check_study(study, source, leg_numbers(robot))
+        return show_help(overrides)
+    study, file, robot = read_study(source, overrides, "jaxleg search CONFIG")
     return run_study(study, robot, file, out or Path("runs") / Path(source).stem, resume)
+
+
+def show_help(overrides: list[str]) -> int:
+    """All keys of a study with their limits."""
+    from jaxleg.search.config import Kind, Study
+    from jaxleg.settings import from_command_line
+
+    from_command_line(Study, Study(kinds={"flat": Kind()}), overrides, prog="jaxleg search CONFIG")
+    return 0
 
 
 def split(arguments: list[str]) -> tuple[str | None, Path | None, bool, list[str]]:
@@ -43,14 +41,6 @@ def split(arguments: list[str]) -> tuple[str | None, Path | None, bool, list[str
     if not named and not {"-h", "--help"} & set(rest):
         raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
     return named[0] if named else None, Path(out[0]) if out else None, resume, rest
-
-
-def leg_numbers(robot: Any) -> Any:
-    """Lengths of the robot's legs, for the check of the study."""
-    from jaxleg.search.checks import Legs
-    from jaxleg.stance import leg_length
-
-    return Legs(float(leg_length(robot)), float(-robot.link_offset[0, 1, 2]), float(robot.foot_radius))
 
 
 def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) -> int:
