@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import tyro
-from mujoco import mjx, rollout
+from mujoco import rollout
 
 from experiments.common import setup, timed, write
 from jaxleg.energy import Power, electrical, motor_power
@@ -35,6 +35,7 @@ from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import CYCLES, Lab, Setting
 from jaxleg.search.referees import unstack
 from jaxleg.sim import referee
+from jaxleg.sim.engine import mjx
 from jaxleg.sim.model import STEP, build_model
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain.generators import Grid, TerrainSettings, terrain_batch
