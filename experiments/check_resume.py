@@ -31,7 +31,7 @@ SHORT = {
     "search.proxy-gaits": 8, "search.referee-terrains": 3, "simulation.chunk": 8,
 }  # fmt: skip
 OPTIONS = [word for key, value in SHORT.items() for word in (f"--{key}", str(value))]
-DISK = (20, 400)  # sizes of a disk that fills up [kB]
+ROOM = (4, 80)  # left on a disk that fills up [kB]
 
 
 def main(out: Path | None = None, quick: bool = False, seed: int = 0) -> bool:
@@ -123,6 +123,17 @@ def at_once(folder: Path, rng: np.random.Generator, count: int) -> dict[str, Any
     return {"pairs": count, "refused": refused, "sentences": sentences, "all_well": refused == count}
 
 
+def begun(done: Path, path: Path, rng: np.random.Generator) -> None:
+    """A search that has come to a random stage: a finished one without what was saved later."""
+    shutil.copytree(done, path)
+    stages = sorted((done / "checkpoints").glob("*"), key=lambda x: x.stat().st_mtime)
+    for stage in stages[rng.integers(0, len(stages)) :]:
+        shutil.rmtree(path / "checkpoints" / stage.name)
+    for name in ("result.json", "best.toml"):
+        (path / name).unlink()
+    shutil.rmtree(path / "figures")
+
+
 def full_disks(folder: Path, answer: dict, rng: np.random.Generator, count: int) -> dict[str, Any]:
     """A disk that fills up at some stage: one sentence; with more room the search goes on."""
     if os.geteuid():
@@ -132,8 +143,12 @@ def full_disks(folder: Path, answer: dict, rng: np.random.Generator, count: int)
     for i in range(count):
         disk = folder / f"disk{i}"
         disk.mkdir()
-        subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={rng.integers(*DISK)}k", "tmpfs", str(disk)], check=True)
+        subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64m", "tmpfs", str(disk)], check=True)
         try:
+            begun(folder / "alone", disk / "run", rng)
+            state = os.statvfs(disk)
+            full = (state.f_blocks - state.f_bfree) * state.f_frsize // 1024 + rng.integers(*ROOM)
+            subprocess.run(["mount", "-o", f"remount,size={full}k", str(disk)], check=True)
             _, error = (process := begin(disk / "run")).communicate()
             after[last_stage(disk / "run")] += 1
             sentence += process.returncode == 2 and error.strip().count("\n") == 0
