@@ -13,9 +13,11 @@ checkpoints/   <stage>/<number>; the highest number counts
 
 import contextlib
 import csv
+import errno
 import functools
 import io
 import json
+import os
 import re
 import shutil
 from collections.abc import Generator, Mapping
@@ -219,8 +221,10 @@ def _checkpointer() -> Any:
 def _write_checkpoint(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     try:
         _checkpointer().save(path, arrays)
-    except Exception as error:  # orbax raises anything for a disk that is full
-        raise InputError(f"{path}: cannot be written: {str(error).strip().splitlines()[0][:200]}") from error
+    except Exception as error:  # orbax raises anything for a disk that is full, in many words
+        full = os.strerror(errno.ENOSPC)
+        reason = full if full in str(error) else (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
+        raise InputError(f"{path}: cannot be written: {reason}") from error
 
 
 def _newest(folder: Path) -> int:
