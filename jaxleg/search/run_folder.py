@@ -17,6 +17,7 @@ import errno
 import functools
 import io
 import json
+import logging
 import os
 import re
 import shutil
@@ -111,7 +112,8 @@ class RunFolder:
         if not (newest := _newest(folder)):
             return None
         try:
-            saved = _checkpointer().restore(folder / str(newest))
+            with _no_log():
+                saved = _checkpointer().restore(folder / str(newest))
         except Exception as error:  # a damaged checkpoint fails in orbax in any way
             raise InputError(f"{folder}: cannot be read; delete it to run the stage again") from error
         leaves = _named_leaves(like)
@@ -218,9 +220,21 @@ def _checkpointer() -> Any:
     return ocp.Checkpointer(ocp.StandardCheckpointHandler())
 
 
+@contextlib.contextmanager
+def _no_log() -> Generator[None, None, None]:
+    """Without the tracebacks that orbax logs of errors which it also raises."""
+    logger = logging.getLogger("absl")
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
+
+
 def _write_checkpoint(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     try:
-        _checkpointer().save(path, arrays)
+        with _no_log():
+            _checkpointer().save(path, arrays)
     except Exception as error:  # orbax raises anything for a disk that is full, in many words
         full = os.strerror(errno.ENOSPC)
         reason = full if full in str(error) else (str(error).strip().splitlines() or [type(error).__name__])[0][:200]

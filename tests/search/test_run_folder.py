@@ -196,7 +196,7 @@ def fill_the_disk(path: Path, what: str) -> None:
 
 
 @pytest.mark.parametrize("what", ["checkpoint", "history", "result"])
-def test_a_full_disk_is_one_sentence_and_loses_nothing(folder: RunFolder, what: str) -> None:
+def test_a_full_disk_is_one_sentence_and_loses_nothing(folder: RunFolder, what: str, capfd: Any) -> None:
     folder.save("s", state(1))
     folder.append_history(step(1))
     folder.write_result({"old": 1})
@@ -206,6 +206,7 @@ def test_a_full_disk_is_one_sentence_and_loses_nothing(folder: RunFolder, what: 
     process.start()
     process.join()
     assert process.exitcode == 0
+    assert capfd.readouterr().err == ""  # orbax would log tracebacks
     after = contents(folder.path)
     assert {name: after.get(name) for name in before} == before
     folder = again(folder)
