@@ -36,6 +36,7 @@ from jaxleg.files import plain, write_json
 from jaxleg.settings import dump, load, to_table, write_whole
 
 Tree = TypeVar("Tree")
+ROOM = 2**20  # that a checkpoint must find on the disk besides its arrays [bytes]
 HISTORY_KEY = ("kind", "stage", "step")
 HISTORY = (*HISTORY_KEY, "best", "mean", "seconds")  # columns
 
@@ -100,6 +101,7 @@ class RunFolder:
         with _using(folder):
             folder.mkdir(parents=True, exist_ok=True)
             _remove_all_but(newest, folder)  # what a killed save left
+            _require_room(folder, sum(x.nbytes for x in arrays.values()))
             _write_checkpoint(folder / str(newest + 1), arrays)
             _remove_all_but(newest + 1, folder)
 
@@ -218,6 +220,13 @@ def _checkpointer() -> Any:
     import orbax.checkpoint as ocp  # 1 s, which only a study need pay
 
     return ocp.Checkpointer(ocp.StandardCheckpointHandler())
+
+
+def _require_room(folder: Path, size: int) -> None:
+    """Orbax's threads print tracebacks of their own on a disk that fills up under them, so it is asked before."""
+    needed, free = 2 * size + ROOM, shutil.disk_usage(folder).free
+    if free < needed:
+        raise InputError(f"{folder}: cannot be written: {os.strerror(errno.ENOSPC)}: {free} bytes of {needed} are free")
 
 
 @contextlib.contextmanager
