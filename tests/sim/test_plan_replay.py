@@ -9,6 +9,7 @@ from jaxleg.planning.standing import up_down
 from jaxleg.sim import replay as replay_module
 from jaxleg.sim.follow import Followed
 from jaxleg.sim.plan_file import PlanFile
+from jaxleg.sim.referee_follow import follow_all
 from jaxleg.sim.replay import replay_mjx, replay_mujoco
 from jaxleg.sim.rollout import no_tally, read
 from jaxleg.terrain import Grid, flat
@@ -67,3 +68,8 @@ def test_only_steps_that_were_made_are_judged(pegasus, monkeypatch, reached, wor
     result, _ = replay_mjx(file, 0.1)
     np.testing.assert_allclose(result["landing_worst"], worst, atol=1e-12)
     assert result["finished"] == (reached == 12)
+
+
+def test_no_plans_are_no_verdicts(pegasus):
+    seen = follow_all(pegasus, [], [], 0.8)
+    assert {len(x) for x in seen} == {0}
