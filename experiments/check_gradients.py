@@ -2,12 +2,13 @@
 
 At random feasible gaits, the chosen cells held fixed, reverse-mode AD against Richardson-extrapolated central differences
 (steps 1e-5 and 5e-6 of each parameter's range). Error of a gait: the largest over the parameters, each scaled by its
-range, of |AD - FD| / max(|FD|, 1e-2 max |FD|).
+range, of |AD - FD| / max(|FD|, 1e-2 max |FD|). Exit status 1 where a target is missed.
 
     python -m experiments.check_gradients [--quick]
 """
 
 import dataclasses
+import sys
 from pathlib import Path
 
 import jax
@@ -28,10 +29,11 @@ from jaxleg.search.lanes import Lab, per_metre, to_params
 from jaxleg.sim.rollout import simulate
 
 STEP = 1e-5  # of a parameter's range
+FORWARD_REVERSE, FLOAT32, SOFT = 1e-9, 0.05, 1e-4  # most that the two modes, the two precisions and the soft choice differ
 
 
-def main(gaits: int = 32, out: Path | None = None, quick: bool = False) -> None:
-    """Check `gaits` gaits, half of them on rough ground (8 with `quick`)."""
+def main(gaits: int = 32, out: Path | None = None, quick: bool = False) -> bool:
+    """Check `gaits` gaits, half of them on rough ground (8 with `quick`); returns whether every error is on target."""
     jax.config.update("jax_enable_x64", True)
     study, lab = setup()
     lab = dataclasses.replace(lab, chunk=8)
@@ -45,6 +47,15 @@ def main(gaits: int = 32, out: Path | None = None, quick: bool = False) -> None:
     result["soft_choice"] = soft_choice(lab, training(study, lab, "stairs"))
     print("soft foothold choice, AD against central differences:", f"{result['soft_choice']:.2e}")
     write("check_gradients", out, result)
+    holds = result["soft_choice"] <= SOFT and all(true(result[kind]) for kind in ("flat", "rough"))
+    print("all within their targets" if holds else "a target is missed")
+    return holds
+
+
+def true(row: dict[str, float | int]) -> bool:
+    """Whether the gradients on one kind of terrain are true."""
+    within = row["error_p95"] <= row["target"] and row["forward_reverse"] <= FORWARD_REVERSE and row["float32"] <= FLOAT32
+    return row["gaits"] > 0 and within
 
 
 def cycle_energy(lab: Lab, vector: jax.Array, site: Site, choice: Choice, bend: jax.Array) -> jax.Array:
@@ -120,4 +131,4 @@ def soft_choice(lab: Lab, lanes: Lanes) -> float:
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    sys.exit(0 if tyro.cli(main) else 1)

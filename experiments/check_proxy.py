@@ -1,10 +1,12 @@
 """Does the energy proxy tell gaits apart as simulation does? Random feasible gaits on flat and rough ground, no refit.
 
-Spearman's rank correlation of energy per metre, cosine of the gradients (parameters scaled by their range), bias.
+Spearman's rank correlation of energy per metre, cosine of the gradients (parameters scaled by their range), bias. Exit status 1
+where all gaits together miss `CLAIM`.
 
     python -m experiments.check_proxy [--quick]
 """
 
+import sys
 from pathlib import Path
 
 import jax
@@ -17,9 +19,12 @@ from jaxleg.search import agreement
 from jaxleg.search.config import bounds
 from jaxleg.viz.style import save
 
+CLAIM = {"spearman": 0.95, "gradient_cosine": 0.95, "gradient_cosine_p10": 0.9}  # at least
+BIAS = 0.05  # at most
 
-def main(gaits: int = 104, out: Path | None = None, quick: bool = False) -> None:
-    """Compare on `gaits` random gaits, half of them on flat ground (32 with `quick`)."""
+
+def main(gaits: int = 104, out: Path | None = None, quick: bool = False) -> bool:
+    """Compare on `gaits` random gaits, half of them on flat ground (32 with `quick`); returns whether the proxy is true."""
     study, lab = setup()
     count = (32 if quick else gaits) // 2
     parts = []
@@ -33,6 +38,10 @@ def main(gaits: int = 104, out: Path | None = None, quick: bool = False) -> None
         print(f"{name:6s}", "  ".join(f"{key} {value:.4f}" for key, value in row.items()))
     write("check_proxy", out, result)
     draw(parts, (out or Path("runs/check_proxy")) / "proxy.png")
+    seen = result["all"]
+    holds = seen["gaits"] > 0 and all(seen[name] >= least for name, least in CLAIM.items()) and abs(seen["bias"]) <= BIAS
+    print("claim holds" if holds else f"claim missed: {CLAIM}, bias within {BIAS}")
+    return holds
 
 
 def draw(parts: list[agreement.Agreement], path: Path) -> None:
@@ -49,4 +58,4 @@ def draw(parts: list[agreement.Agreement], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    sys.exit(0 if tyro.cli(main) else 1)

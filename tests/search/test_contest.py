@@ -5,8 +5,11 @@ import numpy as np
 import pytest
 
 from jaxleg.plan import PlanChecks, PlanStatus
-from jaxleg.search.contest import ACTIVE, Contest, active_constraints, bootstrap, keeps_limits, savings
-from jaxleg.search.lanes import CONSTRAINTS, SCALES, penalty
+from jaxleg.search import contest as contests
+from jaxleg.search.config import PARAMETERS
+from jaxleg.search.contest import ACTIVE, Contest, active_constraints, bootstrap, keeps_limits, nested, savings, summary
+from jaxleg.search.lanes import CONSTRAINTS, SCALES, Score, penalty
+from jaxleg.sim.rollout import Meters
 
 NAMES = ("traditional", "paper", "best")
 
@@ -78,3 +81,65 @@ def test_a_plan_beyond_a_joints_range_is_infeasible_and_punished():
     assert penalty(jnp.asarray(slack)) == pytest.approx(2.0 * (np.hypot(1.0, 28.0) - 1.0))
     assert set(ACTIVE) == set(CONSTRAINTS)
     assert len(SCALES) == len(CONSTRAINTS)
+
+
+def test_one_contestants_figures_by_hand():
+    """Four lanes: two that count, one that fell, one infeasible. Means over those that count, the rest is counted."""
+    rows = lambda *x: np.array([x], float)  # noqa: E731
+    held = Contest(
+        energy=np.stack([rows(400, 600, 1e6, 1e6), rows(500, 700, 1e6, 1e6), rows(600, 800, 1e6, 1e6)], axis=-1),
+        distance=rows(0.4, 0.6, 9.0, 9.0),
+        time=rows(8.0, 12.0, 1.0, 1.0),
+        slip=rows(0.01, 0.03, 9.0, 9.0),
+        margin=rows(0.08, 0.06, -1.0, -1.0),
+        bend=np.deg2rad(rows(40.0, 35.0, 1.0, 1.0)),
+        lowering=rows(0.0, 0.02, 9.0, 9.0),
+        fell=np.array([[False, False, True, False]]),
+        infeasible=np.array([[False, False, False, True]]),
+        slack=np.ones((1, 4, len(CONSTRAINTS))),
+    )
+    seen = summary(held, 0, np.arange(10.0), "positive", 35.0, 200, 0)
+    energies = [seen["energy_per_metre"][name]["mean"] for name in ("net", "positive", "absolute")]
+    assert energies == [500.0, 600.0, 700.0]
+    assert seen["energy_per_metre"]["positive"]["ci95"] == [500.0, 700.0]
+    assert seen["cost_of_transport"] == pytest.approx(600.0 / (35.0 * 9.81))
+    assert (seen["speed"], seen["mean_power_w"]) == (pytest.approx(0.05), pytest.approx(30.0))
+    assert (seen["lanes"], seen["falls"], seen["infeasible"]) == (4, 1, 1)
+    assert (seen["min_stability_margin"], seen["min_knee_bend_deg"]) == (0.06, pytest.approx(35.0))
+    assert (seen["lowering"], seen["slip"]) == (pytest.approx(0.01), pytest.approx(0.02))
+    assert seen["params"] == dict(zip(PARAMETERS, np.arange(10.0)))
+
+
+def test_lanes_are_arranged_by_contestant_and_judged():
+    """Two contestants on three terrains, contestant by contestant."""
+    number, three = np.arange(6.0), np.arange(18.0).reshape(6, 3)
+    bend = np.deg2rad([20.0, 19.85, 19.7, 30.0, 30.0, 30.0])
+    status = np.where(np.arange(6) == 4, PlanStatus.NO_FOOTHOLD, PlanStatus.OK)
+    checks = PlanChecks(bend, number, number, number, np.ones(6), number + 0.5, status)
+    fell = np.arange(6) == 1
+    meters = Meters(None, number, 2 * number, np.stack([number] * 4, 1) * np.arange(4), number, 3 * number, number, fell)
+    slack = np.ones((6, len(CONSTRAINTS)))
+    seen = contests.contest(Score(number, three, slack, checks), meters, np.full(6, np.deg2rad(20.0)), 2)
+    np.testing.assert_array_equal(seen.energy, three.reshape(2, 3, 3))
+    np.testing.assert_array_equal(seen.slip, 1.5 * number.reshape(2, 3))
+    np.testing.assert_array_equal(seen.margin, 3 * number.reshape(2, 3))
+    np.testing.assert_array_equal(seen.lowering, number.reshape(2, 3) + 0.5)
+    np.testing.assert_array_equal(seen.infeasible, [[False, False, True], [False, True, False]])
+    np.testing.assert_array_equal(seen.usable, [[True, False, False], [True, False, True]])
+
+
+def test_the_interval_is_that_of_the_mean():
+    """Of 400 normal numbers with deviation 2 it reaches 1.96 * 2 / sqrt(400) to either side."""
+    values = np.random.default_rng(3).normal(10.0, 2.0, 400)
+    row = bootstrap(values, np.mean, 4000, 0)
+    half = 1.96 * values.std() / 20.0
+    assert row["mean"] == pytest.approx(values.mean())
+    np.testing.assert_allclose(row["ci95"], [values.mean() - half, values.mean() + half], atol=0.1 * half)
+    assert bootstrap(values, np.mean, 4000, 0) == row  # the seed says all
+
+
+def test_kinds_and_contestants_change_places():
+    assert nested({"flat": {"a": 1, "b": 2}, "rough": {"a": 3, "b": 4}}) == {
+        "a": {"flat": 1, "rough": 3},
+        "b": {"flat": 2, "rough": 4},
+    }

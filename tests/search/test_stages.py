@@ -1,0 +1,111 @@
+"""Ranking and polish on objectives known in closed form, and which lanes they see."""
+
+from types import SimpleNamespace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from jaxleg.search import stages
+from jaxleg.search.config import PARAMETERS, Bounds, Kind, Search, Study, bounds
+from jaxleg.search.descent import Lanes
+from jaxleg.search.lanes import Setting
+from jaxleg.search.stages import judge, polish, pooled, rank, spread
+from tests.stand_ins import StandInLab, StandInRun
+
+BEST = np.array([0.55, -0.05, 0.12, 0.28, 0.6, 0.38, 0.05, 0.4, 0.5, 0.1])  # of the simulation below
+WIDTH = np.array([high - low for low, high in (getattr(Bounds(), name) for name in PARAMETERS)])
+
+
+def lanes(*numbers):
+    count = len(numbers)
+    return Lanes(np.array(numbers, float), Setting(*(np.ones(count) for _ in range(3))))
+
+
+class TwoMinds(StandInLab):
+    """Proxy and simulation that disagree: the proxy likes tall gaits, the simulation `BEST`; terrain 9 is a fall."""
+
+    def proxy_gradients(self, vectors, site, setting):
+        return SimpleNamespace(objective=1.0 - np.asarray(vectors)[:, 0] + np.asarray(site)), None
+
+    def simulate_lanes(self, vectors, site, setting):
+        apart = (np.asarray(vectors) - BEST) / WIDTH
+        site = np.asarray(site)
+        return SimpleNamespace(objective=np.sum(apart**2, axis=1) + site), SimpleNamespace(fell=site == 9)
+
+    def simulate_gradients(self, vectors, site, setting):
+        score, meters = self.simulate_lanes(vectors, site, setting)
+        return score, meters, 2.0 * (np.asarray(vectors) - BEST) / WIDTH**2
+
+
+def state(**search):
+    return StandInRun(Study(kinds={"flat": Kind()}, search=Search(**search)), TwoMinds())
+
+
+def test_the_mean_over_lanes_counts_what_fails_ten_times_the_baseline():
+    values = lambda rows, site, setting: np.where(site == 2, np.nan, rows[:, 0] + site)  # noqa: E731
+    vectors = np.array([[0.5], [0.7]])
+    assert_allclose(judge(values, vectors, lanes(0, 1)), [1.0, 1.2])
+    assert_allclose(judge(values, vectors, lanes(0, 1, 2)), [(0.5 + 1.5 + 10.0) / 3, (0.7 + 1.7 + 10.0) / 3])
+
+
+def test_a_fall_is_never_the_best():
+    values = stages.simulated_objective(TwoMinds(), np.array([BEST, BEST]), np.array([0.0, 9.0]), None)
+    assert_allclose(values, [0.0, np.inf])
+    value, gradient = stages.simulated_gradient(TwoMinds(), jnp.asarray(BEST - 0.1 * WIDTH), lanes(0.0, 9.0))
+    assert_allclose(value, (10 * 0.01 + 10.0) / 2)
+    assert_allclose(gradient, 0.5 * -0.2 / WIDTH)  # the mean over both lanes, the fallen one's gradient left out
+
+
+def test_lanes_are_spread_evenly_and_pooled_in_turn():
+    assert spread(lanes(*range(11)), 3).site.tolist() == [0, 5, 10]
+    assert spread(lanes(1, 2), 5).site.tolist() == [1, 2]
+    training = {"a": lanes(0, 1, 2), "b": lanes(10, 11)}
+    assert pooled(training, ("a", "b")).site.tolist() == [0, 10, 1, 11, 2]
+    assert pooled(training, ("b",)).site.tolist() == [10, 11]
+
+
+def test_ranking_picks_by_simulation_among_the_proxys_best():
+    """Three searches of three starts. The proxy's two tallest go into the simulation, which prefers the nearest to `BEST`; a
+    later search may also take an earlier one's end point."""
+    heights = np.array([[0.48, 0.50, 0.52], [0.44, 0.47, 0.51], [0.40, 0.56, 0.58]])
+    ends = np.tile(BEST, (3, 3, 1))
+    ends[..., 0] = heights
+    chosen = rank(state(starts=3, candidates=2, rank_lanes=4), ("flat",), {"flat": lanes(0, 1)}, ends)
+    assert_allclose(chosen[:, 0], [0.52, 0.52, 0.56])
+    narrow = rank(state(starts=3, candidates=1, rank_lanes=4), ("flat",), {"flat": lanes(0, 1)}, ends)
+    assert_allclose(narrow[:, 0], [0.52, 0.52, 0.58])
+
+
+def test_polish_goes_down_and_keeps_what_is_better():
+    begin = BEST - 0.2 * WIDTH * np.array([1, 1, -1, -1, 1, 1, 1, 1, 1, 1])
+    best = np.stack([begin - 1.0, begin - 2.0, np.clip(begin, *bounds(state().study, "flat", "best").T)])
+    steps = [polish(state(polish_steps=n, polish_rate=0.3), ("flat",), {"flat": lanes(0.0)}, best) for n in (1, 3)]
+    apart = [np.sum(((x[-1] - BEST) / WIDTH) ** 2) for x in (best, *steps)]
+    assert apart[0] > apart[1] > apart[2]
+    for polished in steps:
+        np.testing.assert_array_equal(polished[:-1], best[:-1])  # only the last search's answer is polished
+    none = polish(state(polish_steps=0), ("flat",), {"flat": lanes(0.0)}, best)
+    np.testing.assert_array_equal(none, best)
+
+
+def test_a_polishing_step_too_long_is_halved_until_it_helps():
+    """From next to the bottom a step of ten flies past it; after halvings the answer is no worse than where it began."""
+    best = np.stack([BEST, BEST, BEST - 0.02 * WIDTH])
+    polished = polish(state(polish_steps=5, polish_rate=10.0), ("flat",), {"flat": lanes(0.0)}, best)[-1]
+    before, after = (np.sum(((x - BEST) / WIDTH) ** 2) for x in (best[-1], polished))
+    assert after <= before * (1.0 + 1e-6)
+    once = polish(state(polish_steps=1, polish_rate=10.0), ("flat",), {"flat": lanes(0.0)}, best)[-1]
+    assert_allclose(once, best[-1], rtol=1e-6)
+
+
+@pytest.mark.parametrize("stage", ["best_i", "best_ii", "best"])
+def test_each_search_moves_what_it_says_and_holds_the_rest(stage):
+    study = state().study
+    span = bounds(study, "flat", stage)
+    moved = {name for name, (low, high) in zip(PARAMETERS, span) if high > low}
+    assert moved == ({"hip_height", "foot_offset", "skew"} if stage != "best" else set(PARAMETERS))
+    assert tuple(span[0]) == ((0.48, 0.52) if stage == "best_i" else Bounds().hip_height)
+    if stage != "best":
+        assert_allclose(span[PARAMETERS.index("step_length")], study.contestants.paper.step_length)
