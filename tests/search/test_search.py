@@ -1,5 +1,7 @@
-"""A tiny search of three kinds, in float32 as users run it: killed after any stage it goes on to the same answer."""
+"""A tiny search of three kinds, in float32 as users run it: who wins and why, and killed after any stage it goes on to the
+same answer."""
 
+import csv
 import dataclasses
 import json
 import shutil
@@ -10,9 +12,10 @@ import numpy as np
 import pytest
 
 from jaxleg.cli.search import run_study
+from jaxleg.conventions import GRAVITY
 from jaxleg.robot import RobotFile, build_robot
 from jaxleg.search import run as runs
-from jaxleg.search.config import Study, robot_path
+from jaxleg.search.config import Study, bounds, robot_path
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.search.study import run
 from jaxleg.settings import dump, load
@@ -23,11 +26,9 @@ SHORT = dict(
     starts=2, lanes=2, steps=3, candidates=1, rank_lanes=2, polish_steps=1, polish_lanes=4, proxy_gaits=8, referee_terrains=3
 )
 
-pytestmark = pytest.mark.slow
-
 
 def short() -> Study:
-    """The quickstart in short, as .ci/run runs it: both compile the same programs."""
+    """The quickstart in short."""
     study = load(Study, CONFIG)
     return dataclasses.replace(
         study,
@@ -39,6 +40,7 @@ def short() -> Study:
 
 
 STUDY, ROBOT = short(), load(RobotFile, robot_path(load(Study, CONFIG), CONFIG))
+MASS = 35.2  # of Pegasus [kg]
 
 
 class Killed(BaseException):
@@ -111,6 +113,69 @@ def test_a_run_killed_after_every_single_save_reaches_the_same_answer(answer, tm
     assert again == result
     for kind in chosen:
         np.testing.assert_array_equal(best[kind], chosen[kind], strict=True)
+
+
+BASELINES = {"flat": (1023, 789, 739), "rough": (1049, 805, 756), "stairs": (1182, 1007, 1008)}  # J/m on these terrains
+
+
+@pytest.mark.parametrize("kind", BASELINES)
+def test_contestants_rank_as_they_must(answer, kind):
+    """In three steps the search that moves everything beats those that move less and the traditional gait, in both engines;
+    implied and the paper's own need less only by giving up half of the stability margin."""
+    result, _, _ = answer
+    energy = {name: result[name][kind]["energy_per_metre"]["positive"]["mean"] for name in runs.CONTESTANTS}
+    np.testing.assert_allclose([energy[name] for name in ("traditional", "implied", "paper")], BASELINES[kind], rtol=2e-3)
+    assert energy["best"] < min(energy["best_i"], energy["best_ii"])
+    assert max(energy["best_i"], energy["best_ii"]) < energy["traditional"]
+    for engine in ("mjx", "mujoco"):
+        assert 0.05 < result["saving"][engine]["best"][kind]["positive"]["mean"] < 0.2
+    assert result["saving_vs_paper"]["mjx"]["best"][kind]["positive"]["mean"] < 0.0
+    margin = {name: result[name][kind]["min_stability_margin"] for name in runs.CONTESTANTS}
+    assert max(margin["implied"], margin["paper"]) < 0.6 * margin["traditional"]
+    assert min(margin["best_i"], margin["best_ii"], margin["best"]) > margin["traditional"]
+
+
+@pytest.mark.parametrize("name", runs.CONTESTANTS)
+def test_contestants_keep_what_binds_them_all(answer, name):
+    """Speed, knee bend, no falls in either engine; bounds hold what a search may not move."""
+    result, chosen, _ = answer
+    for kind, table in STUDY.kinds.items():
+        seen = result[name][kind]
+        assert seen["speed"] == pytest.approx(STUDY.speed, rel=0.01)
+        assert seen["min_knee_bend_deg"] > table.least_knee_bend_deg - 0.2
+        assert (seen["falls"], seen["infeasible"], result["referee"][name][kind]["falls"]) == (0, 0, 0)
+        assert seen["cost_of_transport"] == pytest.approx(seen["energy_per_metre"]["positive"]["mean"] / (MASS * GRAVITY))
+        if name in runs.STAGES:
+            span, vector = bounds(STUDY, kind, name), chosen[kind][runs.STAGES.index(name)]
+            assert np.all((vector >= span[:, 0] - 1e-6) & (vector <= span[:, 1] + 1e-6))
+            assert list(seen["params"].values()) == pytest.approx(list(vector))
+
+
+def test_what_binds_is_told(answer):
+    """The margin is kept at the traditional gait's, so it binds; nothing beyond it does in so short a search."""
+    result, _, _ = answer
+    for kind in STUDY.kinds:
+        assert "margin" in result["active_constraints"]["best"][kind]
+        assert not {"torque", "joint_range", "search_reach", "knee_clear"} & set(result["active_constraints"]["best"][kind])
+    assert "knee_bend" in result["active_constraints"]["best"]["stairs"]
+
+
+def test_every_descent_goes_down(answer, whole):
+    with (whole / "history.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for kind in STUDY.kinds:
+        for stage in runs.STAGES:
+            means = [float(row["mean"]) for row in rows if (row["kind"], row["stage"]) == (kind, stage)]
+            assert means == sorted(means, reverse=True)
+            assert len(means) == 3
+
+
+def test_the_proxy_is_honest(answer):
+    proxy = answer[0]["proxy"]
+    assert proxy["gaits"] == 8
+    assert proxy["spearman"] > 0.8
+    assert proxy["gradient_cosine_p10"] > 0.95
+    assert abs(proxy["bias"]) < 0.04
 
 
 def test_a_finished_run_can_be_resumed(answer, whole, robot):
