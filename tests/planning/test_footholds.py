@@ -110,10 +110,11 @@ def random_case(rng, shape):
     return nominal, valid, elevation, heading, rng.choice([0.0, 0.3, 0.5, 0.8, 1.0])
 
 
+@pytest.mark.parametrize("number", [300, pytest.param(2000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("shape", [(80, 50), (56, 40), (70, 90), (24, 61), (9, 9)])
-def test_the_cascade_is_the_plain_search(shape):
-    """Identical cells and statuses on ten thousand random maps."""
-    rng, seen, number = np.random.default_rng(shape[1]), set(), 2000
+def test_the_cascade_is_the_plain_search(shape, number):
+    """Identical cells and statuses on random maps, ten thousand in all."""
+    rng, seen = np.random.default_rng(shape[1]), set()
     cases = [random_case(rng, shape) for _ in range(number)]
     nominal, valid, elevation, heading, w1 = (np.stack(x) for x in zip(*cases))
     grounds = Site(

@@ -129,6 +129,7 @@ def real(name):
         return file["elevation"], float(file["resolution"])
 
 
+@pytest.mark.slow  # no default test needs what a fresh clone has not
 @pytest.mark.parametrize("name", ["cpd_real_stairs", "cpd_terrain_nanholes"])
 def test_features_of_pieces_of_real_maps(name):
     elevation, resolution = real(name)
