@@ -1,11 +1,13 @@
 """One engine and one compiled walk by hand for all tests of the simulation."""
 
+import functools
+
 import jax
 import pytest
 
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.step import step
-from tests.motions import Mujoco
+from tests.motions import QUICK, Mujoco
 
 
 @pytest.fixture(scope="session")
@@ -22,7 +24,7 @@ def bodies(pegasus):
 def roll(engine):
     """States and measurements after each step of a tracking, stepped without any rollout."""
 
-    @jax.jit
+    @functools.partial(jax.jit, compiler_options=QUICK)
     def run(robot, ground, terrain, state, tracking):
         def once(state, now):
             after, seen = step(engine, robot, ground, terrain, state, now)

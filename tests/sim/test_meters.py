@@ -18,7 +18,7 @@ from jaxleg.sim.referee import replay
 from jaxleg.sim.rollout import simulate
 from jaxleg.sim.step import initial_state
 from jaxleg.sim.tracking import Tracking, interpolate
-from tests.motions import SWINGS, applied_torque, contact_force, shift_and_step, sloping
+from tests.motions import QUICK, SWINGS, applied_torque, contact_force, shift_and_step, sloping
 
 GROUND, TERRAIN = Ground(), sloping(0.0, 0.0)
 SECONDS, SAMPLES, EACH = (0.5, 0.5), (10, 16), 36  # steps an interval
@@ -37,7 +37,7 @@ def track(pegasus):
 @pytest.fixture(scope="module")
 def metered(engine):
     """Meters from the sample `LATE` on, in the middle of the shift."""
-    return jax.jit(lambda robot, track: simulate(engine, robot, GROUND, TERRAIN, track, EACH, LATE))
+    return jax.jit(lambda robot, track: simulate(engine, robot, GROUND, TERRAIN, track, EACH, LATE), compiler_options=QUICK)
 
 
 @pytest.fixture(scope="module")

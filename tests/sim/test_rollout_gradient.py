@@ -21,10 +21,9 @@ from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Terms
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain import HeightMap
-from tests.motions import shift_and_step
+from tests.motions import QUICK, shift_and_step
 
 SHAPE, STEP = (30, 24), 1e-6
-QUICK = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}  # to compile
 ROBOT = ("stiffness", "velocity_gain", "joint_damping", "torque_constant", "trunk_mass", "contact_radius")
 MATERIAL = tuple(f"ground_{name}" for name in Ground._fields)
 TRACK = ("joint_pos", "joint_vel", "joint_torque")
