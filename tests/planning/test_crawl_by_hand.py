@@ -78,19 +78,20 @@ def test_a_swing_over_a_box_is_raised_as_much_as_needed(walk, height, place):
     middle = 0.02 * round((0.26 + 0.2 * place) / 0.02)
     profile = block(middle - 0.02, middle + 0.02, height)
     start, end, apex = list(swings(walk(profile)))[1]
-    assert -0.008 < least_room(profile, start, end, apex) < 0.012
-    assert apex > height + 0.02  # the clearance comes on top of the box
+    room = least_room(profile, start, end, apex)
+    assert -0.11 * height - 1e-3 < room < 1e-3  # nine places are looked at: a little is missed beside the middle
+    if place == 0.5:
+        assert apex == pytest.approx(height + CLEARANCE)
 
 
 @pytest.mark.parametrize("rise", [0.08, -0.08])
-def test_a_swing_on_to_a_ledge_or_off_it_clears_its_edge(walk, rise):
+def test_a_swing_on_to_a_ledge_or_off_it_clears_its_edge_and_hardly_more(walk, rise):
     """The apex counts from the higher end, be it the start or the landing."""
-    profile = np.where(X > 0.355, rise, 0.0)
-    start, end, apex = list(swings(walk(profile)))[1]
+    profile = np.where((0.315 if rise > 0.0 else 0.405) < X, rise, 0.0)
+    start, end, apex = list(swings(walk(profile, 0.01)))[1]
     np.testing.assert_allclose(end[2] - start[2], rise, atol=1e-9)
-    assert least_room(profile, start, end, apex) > -0.008
-    if apex > 0.03:
-        assert least_room(profile, start, end, apex) < 0.012
+    room = least_room(profile, start, end, apex)
+    assert -0.004 < room < 1e-3
 
 
 def test_a_higher_box_raises_as_much_more(walk):

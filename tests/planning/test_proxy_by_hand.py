@@ -1,6 +1,8 @@
 """The proxy against the same walk sampled finely and worked out by MuJoCo, scipy and the trapezoid rule; and a lane without a
 foothold among others."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +13,7 @@ from jaxleg.plan import FootholdStatus, PlanStatus
 from jaxleg.planning.crawl import crawl
 from jaxleg.planning.proxy import evaluate
 from jaxleg.planning.reference import instants, to_reference
-from tests.motions import Mujoco
+from tests.motions import QUICK, Mujoco
 from tests.planning.conftest import GRID, TERRAINS, gait, settings
 
 FINE = (121, 301)  # samples a shift and a swing
@@ -26,7 +28,7 @@ CHOICE[1] = FootholdStatus.NEAREST
 def lanes(pegasus):
     """Two lanes that differ in their status alone: proxies, and times and instants of fine samples."""
 
-    @jax.jit
+    @functools.partial(jax.jit, compiler_options=QUICK)
     @jax.vmap
     def run(status):
         walk = crawl(pegasus, gait(0.47), settings(), TERRAIN, jnp.asarray(OFFSETS), status)
@@ -48,9 +50,10 @@ def test_energy_is_the_integral_of_torque_times_speed_and_of_heat(sampled):
     proxy, track, _, _ = sampled
     torque, time = np.asarray(track.joint_torque), np.asarray(track.time)
     mechanical = torque * np.asarray(track.joint_vel)
-    for found, watts in zip(proxy.energy, (mechanical, np.maximum(mechanical, 0.0), (torque / (0.217 * 44.5)) ** 2 * 2.28)):
-        np.testing.assert_allclose(found, np.trapezoid(watts, time, axis=0), rtol=0.02, atol=0.02)
-        np.testing.assert_allclose(np.sum(found), np.trapezoid(watts.sum(axis=(1, 2)), time), rtol=2e-3, atol=5e-3)
+    watts = mechanical, np.maximum(mechanical, 0.0), (torque / (0.217 * 44.5)) ** 2 * 2.28
+    for found, power, near in zip(proxy.energy, watts, (0.01, 0.04, 5e-3)):  # the second has kinks
+        np.testing.assert_allclose(found, np.trapezoid(power, time, axis=0), rtol=near, atol=0.02)
+        np.testing.assert_allclose(np.sum(found), np.trapezoid(power.sum(axis=(1, 2)), time), rtol=5e-3)
 
 
 def test_distance_and_time_are_those_of_the_walk(sampled):
@@ -97,7 +100,7 @@ def test_the_load_is_the_least_of_a_standing_foot_over_a_quarter_of_the_weight(s
     proxy, track, at, _ = sampled
     load = np.where(np.asarray(track.contact) > 0.01, np.asarray(at.load), np.inf)
     np.testing.assert_allclose(proxy.checks.load, load.min() / (0.25 * 35.2 * 9.81), atol=0.01)
-    assert 0.0 < proxy.checks.load < 1.0
+    assert proxy.checks.load < 0.5
 
 
 def test_the_lowering_is_the_walks(lanes):

@@ -9,7 +9,8 @@ from tests.motions import SWINGS, Mujoco, shift_and_step, sloping, step_instants
 
 SECONDS, SAMPLES = (0.5, 0.4), (250, 200)  # 2 ms
 TERRAIN = sloping(0.1, -0.05)
-INSIDE = [k for k in range(3, sum(SAMPLES) - 3, 7) if abs(k - SAMPLES[0]) > 3]
+BREAKS = np.array([250, 270, 286, 350, 414, 430])  # phases, load and lift shares, mid-swing: accelerations jump there
+INSIDE = [k for k in range(3, sum(SAMPLES) - 3, 7) if np.abs(k - BREAKS).min() > 3]
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +43,7 @@ def test_the_trunk_moves_and_spins_at_the_rates_of_its_pose(moved):
     time, _, track = moved
     np.testing.assert_allclose(rates(time, track.trunk_pos), np.asarray(track.trunk_vel)[INSIDE, :3], atol=1e-6)
     turns, k = Rotation.from_quat(np.roll(track.trunk_quat, -1, axis=1)), np.array(INSIDE)
-    spin = (turns[k - 1].inv() * turns[k + 1]).as_rotvec() / (time[k + 1] - time[k - 1])  # in B
+    spin = (turns[k - 1].inv() * turns[k + 1]).as_rotvec() / (time[k + 1] - time[k - 1])[:, None]  # in B
     np.testing.assert_allclose(spin, np.asarray(track.trunk_vel)[k, 3:], atol=2e-4)
     assert np.abs(spin).max(axis=0).min() > 0.1
 
