@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.motions import SWINGS, Mujoco, shift_and_step, sloping, step_instants
+from tests.motions import SWINGS, Mujoco, sloping, step_instants
 
 SECONDS, SAMPLES = (0.5, 0.4), (250, 200)  # 2 ms
 TERRAIN = sloping(0.1, -0.05)
@@ -95,9 +95,3 @@ def test_load_is_taken_off_a_foot_before_it_moves_and_given_back_after(moved):
     assert np.ptp(height[SAMPLES[0] :][swing <= 0.1]) == 0.0
     assert np.all(weight[SAMPLES[0] :][~still] < 1e-12)
     np.testing.assert_array_equal(np.delete(np.asarray(track.contact), SWINGS, axis=1), 1.0)
-
-
-def test_a_coarser_reference_is_the_same_at_its_samples(moved, pegasus):
-    track = shift_and_step(pegasus, TERRAIN, SECONDS, (10, 8))
-    for coarse, fine in zip(track, moved[2]):
-        np.testing.assert_allclose(coarse, np.asarray(fine)[::25], atol=1e-9)

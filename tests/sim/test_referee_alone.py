@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from jaxleg.conventions import GRAVITY
+from jaxleg.plan import Reference
 from jaxleg.sim.model import build_model
 from jaxleg.sim.referee import replay
 from jaxleg.sim.referee_follow import follow_all
@@ -174,3 +175,24 @@ def test_with_feedback_a_robot_that_stands_is_measured_as_statics_has_it(pegasus
     np.testing.assert_allclose(judged.margin[0], np.min(-sides[:, :2] @ body.com[:2] - sides[:, 2]), atol=2e-3)
     assert abs(judged.mechanical[0]) < 1e-2
     assert judged.slip[0] < 1e-4
+
+
+def test_on_a_slippery_slope_it_slides_down_by_the_friction_it_was_told(pegasus, bodies):
+    """g (sin - mu cos) along the slope, from the settling on; the trunk is parallel to the ground, legs all alike."""
+    angles = np.tile([0.0, -0.7, 1.3], (4, 1))
+    drop = bodies(np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0], angles.ravel()])).feet[0, 2]
+    half = 0.5 * np.arctan(0.25)
+    up = np.array([-0.25, 0.0, 1.0]) / np.hypot(0.25, 1.0)
+    rows = (
+        angles,
+        np.zeros((4, 3)),
+        np.zeros((4, 3)),
+        (0.004 - drop) * up,
+        [np.cos(half), 0.0, -np.sin(half), 0.0],
+        np.zeros(6),
+    )
+    held = [np.repeat(np.asarray(x, float)[None], 2, axis=0) for x in (*rows, np.zeros((4, 3)), np.ones(4))]
+    verdict = replay(pegasus, [sloping(0.25, 0.0)], [Reference(np.array([0.0, 0.7]), *held)], 0.1)[0]
+    way = 0.5 * GRAVITY * (0.25 - 0.1) * (1.0**2 - 0.3**2) / (1.0 + 0.25**2)
+    assert not verdict.fell
+    np.testing.assert_allclose(verdict.distance, -way, rtol=0.05)
