@@ -1,0 +1,35 @@
+"""One engine and one compiled walk by hand for all tests of the simulation."""
+
+import functools
+
+import jax
+import pytest
+
+from jaxleg.sim.engine import mjx_engine
+from jaxleg.sim.step import step
+from tests.motions import QUICK, Mujoco
+
+
+@pytest.fixture(scope="session")
+def engine(pegasus):
+    return mjx_engine(pegasus)
+
+
+@pytest.fixture(scope="session")
+def bodies(pegasus):
+    return Mujoco(pegasus)
+
+
+@pytest.fixture(scope="session")
+def roll(engine):
+    """States and measurements after each step of a tracking, stepped without any rollout."""
+
+    @functools.partial(jax.jit, compiler_options=QUICK)
+    def run(robot, ground, terrain, state, tracking):
+        def once(state, now):
+            after, seen = step(engine, robot, ground, terrain, state, now)
+            return after, (after, seen)
+
+        return jax.lax.scan(once, state, tracking)[1]
+
+    return run
