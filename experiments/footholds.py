@@ -121,9 +121,11 @@ def on_map(study: Study, lab: Lab, terrain: HeightMap, heading: float) -> Planne
 def through_middle(params: GaitParams, terrain: HeightMap, heading: float) -> jax.Array:
     """Nominal footholds (stance, leg, xy) in W [m] of the walk's cycles; their mean is the middle of the map."""
     nominal = nominal_stances(params, 0, CYCLES)
-    middle = terrain.origin + 0.5 * terrain.resolution * (jnp.array(terrain.elevation.shape) - 1)
+    size = jnp.array(terrain.elevation.shape, terrain.resolution.dtype)
+    middle = terrain.origin + 0.5 * terrain.resolution * (size - 1.0)
     c, s = jnp.cos(heading), jnp.sin(heading)
-    return (nominal - jnp.mean(nominal, axis=(0, 1))) @ jnp.array([[c, s], [-s, c]]) + middle
+    about_middle = nominal - jnp.mean(nominal, axis=(0, 1), keepdims=True)
+    return about_middle @ jnp.array([[c, s], [-s, c]]) + middle[None, None]
 
 
 def rows_of(planned: Planned) -> list[dict[str, Any]]:

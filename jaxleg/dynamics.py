@@ -116,7 +116,7 @@ def share_load(
     """
     up = jnp.array([0.0, 0.0, 1.0], feet.dtype) if up is None else up
     along = tangential * jnp.eye(3, dtype=feet.dtype) + (1.0 - tangential) * up[:, None] * up[None, :]
-    arm = feet - jnp.sum(weight[:, None] * feet, axis=0) / jnp.sum(weight)  # about the centroid: well conditioned
+    arm = feet - (jnp.sum(weight[:, None] * feet, axis=0) / jnp.sum(weight))[None]  # about the centroid: well conditioned
     zero = jnp.zeros_like(arm[:, 0])
     x, y, z = arm[:, 0], arm[:, 1], arm[:, 2]
     turn = jnp.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
@@ -124,7 +124,7 @@ def share_load(
     response = weight[:, None, None] * matmul(grasp, jnp.broadcast_to(along, turn.shape))  # leg, wrench, force
     normal = jnp.sum(matmul(response, jnp.swapaxes(grasp, -1, -2)), axis=0)
     moment = wrench.moment - cross(feet[0] - arm[0], wrench.force)
-    return jnp.sum(response * solve_spd6(normal, jnp.concatenate([wrench.force, moment]))[:, None], axis=1)
+    return jnp.sum(response * solve_spd6(normal, jnp.concatenate([wrench.force, moment]))[None, :, None], axis=1)
 
 
 def torques_on_ground(

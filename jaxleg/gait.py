@@ -67,7 +67,7 @@ def stability_margin(com: Float[Array, "2"], feet: Float[Array, "leg 2"], loaded
     first, second, between = _ring_pairs()
     points, on = feet[ring], loaded[ring]
     edge = points[second] - points[first]
-    inside = -_cross2(edge, com - points[first]) / (norm_safe(edge) + 1e-9)  # the ring runs clockwise
+    inside = -_cross2(edge, com[None] - points[first]) / (norm_safe(edge) + 1e-9)  # the ring runs clockwise
     skipped = jnp.any(on[None, :] & between, axis=1)
     used = on[first] & on[second] & ~skipped
     margin = jnp.min(jnp.where(used, inside, jnp.inf))

@@ -5,14 +5,13 @@ a roll joint followed by two parallel pitch joints; link offsets may have fore-a
 one leg; `vmap` them over the leading leg axis of `Robot`'s fields.
 """
 
-import enum
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
-from jaxleg.numerics import cross, inverse3_safe, matmul, matvec, sqrt_safe
+from jaxleg.numerics import Code, cross, inverse3_safe, matmul, matvec, sqrt_safe
 
 
 class LegFrames(NamedTuple):
@@ -24,7 +23,7 @@ class LegFrames(NamedTuple):
     foot: Float[Array, "3"]
 
 
-class Reach(enum.IntEnum):
+class Reach(Code):
     """Outcome of the inverse kinematics; anything but `OK` means the angles are those of a clamped target."""
 
     OK = 0
@@ -76,7 +75,7 @@ def foot_position(
 
 def foot_jacobian(frames: LegFrames) -> Float[Array, "3 joint"]:
     """d foot / d angles [m/rad]: column j is axis_j x (foot - origin_j)."""
-    return jnp.swapaxes(cross(frames.axis, frames.foot - frames.origin), 0, 1)
+    return jnp.swapaxes(cross(frames.axis, frames.foot[None] - frames.origin), 0, 1)
 
 
 def joint_rates(

@@ -5,14 +5,31 @@ LAPACK calls on 3x3 and 6x6 systems are several times slower. Functions with a `
 their singular point (the double-`where` idiom); each has a test there.
 """
 
+import contextlib
+import enum
+from collections.abc import Generator
 from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Shaped
 
 Tree = TypeVar("Tree")
+
+
+class Code(enum.IntEnum):
+    """A code that int32 arrays hold. As a plain `IntEnum` a member would be an int64 to JAX, not a number without a width."""
+
+    def __jax_array__(self) -> Array:
+        return jnp.asarray(int(self))
+
+
+@contextlib.contextmanager
+def foreign() -> Generator[None, None, None]:
+    """Round calls of others' code (MJX, optax), which promotes ranks and dtypes silently as it likes; ours says it."""
+    with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
+        yield
 
 
 def sqrt_safe(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -51,19 +68,28 @@ def cross(a: Float[Array, "*n 3"], b: Float[Array, "*n 3"]) -> Float[Array, "*n 
     return jnp.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-1)
 
 
+def of_one_rank(a: Shaped[Array, "*n"], b: Shaped[Array, "*m"]) -> tuple[Shaped[Array, "*n2"], Shaped[Array, "*m2"]]:
+    """Both with as many axes: leading ones of length 1 for the one that has fewer, which NumPy would add silently."""
+    rank = max(a.ndim, b.ndim)
+    return jax.lax.broadcast_to_rank(a, rank), jax.lax.broadcast_to_rank(b, rank)
+
+
 def dot(a: Float[Array, "*n k"], b: Float[Array, "*m k"]) -> Float[Array, "*o"]:
     """Inner product over the last axis."""
+    a, b = of_one_rank(a, b)
     return jnp.sum(a * b, axis=-1)
 
 
 def matvec(a: Float[Array, "*n i k"], x: Float[Array, "*m k"]) -> Float[Array, "*o i"]:
     """Matrix times vector over the last axes, as products and sums."""
-    return jnp.sum(a * x[..., None, :], axis=-1)
+    a, x = of_one_rank(a, x[..., None, :])
+    return jnp.sum(a * x, axis=-1)
 
 
 def matmul(a: Float[Array, "*n i k"], b: Float[Array, "*m k j"]) -> Float[Array, "*o i j"]:
     """Matrix product over the last axes, as products and sums."""
-    return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
+    a, b = of_one_rank(a[..., :, :, None], b[..., None, :, :])
+    return jnp.sum(a * b, axis=-2)
 
 
 def inverse3(a: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3 3"]:

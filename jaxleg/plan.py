@@ -1,11 +1,12 @@
 """The data a plan is made of: gait parameters, the walk (footholds, way-points, phases) and its sampled reference."""
 
 import dataclasses
-import enum
 from typing import NamedTuple
 
 import jax
 from jaxtyping import Array, Bool, Float, Int
+
+from jaxleg.numerics import Code
 
 
 @jax.tree_util.register_dataclass
@@ -28,7 +29,7 @@ class GaitParams:
     lift_share: Float[Array, "*batch"]  # part of a swing at either end in which the foot moves only up or down
 
 
-class FootholdStatus(enum.IntEnum):
+class FootholdStatus(Code):
     """How a foothold was found by the cascade (paper A, IV.B.3)."""
 
     NOMINAL = 0  # a common offset within the rectangle
@@ -37,7 +38,7 @@ class FootholdStatus(enum.IntEnum):
     NONE = 3  # no valid cell at all: placed nowhere, the lane is infeasible
 
 
-class PlanStatus(enum.IntEnum):
+class PlanStatus(Code):
     """Outcome of planning one lane; anything but `OK` is infeasible and is counted, never averaged over."""
 
     OK = 0

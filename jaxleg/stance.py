@@ -4,7 +4,6 @@
 H_COG whether it is allowed and what stops it first; `step_limit`, `search_limit` and `skew_limits` give the borders.
 """
 
-import enum
 import functools
 from typing import NamedTuple
 
@@ -13,12 +12,12 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.conventions import LEG_END, LEG_SIDE
-from jaxleg.numerics import sqrt_safe
+from jaxleg.numerics import Code, sqrt_safe
 from jaxleg.plan import GaitParams
 from jaxleg.robot import Robot
 
 
-class Binding(enum.IntEnum):
+class Binding(Code):
     """The constraint with the least slack; the last three say that no gait is possible whatever the lengths."""
 
     SEARCH_BEHIND = 0  # (5) the foot may land behind where it stood
@@ -105,9 +104,8 @@ def gait_region(
     out any gait. A slack of exactly 0 is refused: the paper's signs are strict.
     """
     lengths = (hip_height, step, search_length, half_step_skew(step) if skew is None else skew, stance_length)
-    dtype = robot.link_offset.dtype
-    everywhere = jnp.vectorize(functools.partial(_region_at, robot))
-    return GaitRegion(*everywhere(*(jnp.asarray(x, dtype) for x in lengths)))
+    lengths = jnp.broadcast_arrays(*(jnp.asarray(x, robot.link_offset.dtype) for x in lengths))
+    return GaitRegion(*jnp.vectorize(functools.partial(_region_at, robot))(*lengths))
 
 
 def _region_at(robot, height, step, search, skew, stance):
@@ -124,9 +122,10 @@ def _region_at(robot, height, step, search, skew, stance):
 
 def search_limit(robot: Robot, hip_height: Float[ArrayLike, "*a"], step: Float[ArrayLike, "*b"]) -> Limit:
     """Greatest L_Search [m] at H_COG and L_Step [m], and whether (5) or (7) sets it; 0 and why where the step is refused."""
+    hip_height, step = jnp.broadcast_arrays(jnp.asarray(hip_height), jnp.asarray(step))
     alone = gait_region(robot, hip_height, step, 0.0)
-    half = sqrt_safe(leg_length(robot) ** 2 - jnp.asarray(hip_height) ** 2)
-    behind, reach = 2.0 * jnp.asarray(step), 2.0 * half - 0.5 * jnp.asarray(step)
+    half = sqrt_safe(leg_length(robot) ** 2 - hip_height**2)
+    behind, reach = 2.0 * step, 2.0 * half - 0.5 * step
     binding = jnp.where(behind <= reach, Binding.SEARCH_BEHIND, Binding.SEARCH_REACH)
     length = jnp.where(alone.feasible, jnp.minimum(behind, reach), 0.0)
     return Limit(length, jnp.where(alone.feasible, binding, alone.binding).astype(jnp.int32))
@@ -146,8 +145,9 @@ def nominal_stances(params: GaitParams, first: int, count: int) -> Float[Array, 
     Paper A, Fig. 6a: a parallelogram of L_Stance x W_Stance, left feet ahead of right ones by L_Skew, moving on by L_Step a
     cycle. Before the left legs swing the offset is L_Skew - L_Step.
     """
-    end, side = jnp.asarray(LEG_END), jnp.asarray(LEG_SIDE)
+    dtype = params.step_length.dtype
+    end, side = jnp.asarray([LEG_END], dtype), jnp.asarray([LEG_SIDE], dtype)
     x = 0.5 * (end * params.stance_length + side * params.skew)
     y = 0.5 * side * params.stance_width
-    advance = (first + jnp.arange(count))[:, None] * params.step_length
-    return jnp.stack([x + advance, jnp.broadcast_to(y, advance.shape[:1] + y.shape)], axis=-1).astype(params.step_length.dtype)
+    advance = jnp.arange(first, first + count, dtype=dtype)[:, None] * params.step_length
+    return jnp.stack([x + advance, jnp.broadcast_to(y, (count, y.shape[1]))], axis=-1)

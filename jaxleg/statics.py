@@ -33,7 +33,7 @@ def standing_load(
     """
     weight = robot.mass * GRAVITY * jnp.array([0.0, 0.0, 1.0], feet.dtype)
     arm = com - feet[0]
-    return share_load(feet - feet[0], loaded.astype(feet.dtype), Wrench(weight, cross(arm, weight)))
+    return share_load(feet - feet[:1], loaded.astype(feet.dtype), Wrench(weight, cross(arm, weight)))
 
 
 def holding_torque(

@@ -47,7 +47,7 @@ def cost(torque: LegTorque) -> Cost:
 
 def centres(start: Float[ArrayLike, ""], end: Float[ArrayLike, ""], count: int) -> Float[Array, "n"]:
     """Midpoints [m] of `count` equal cells from `start` to `end`."""
-    share = (jnp.arange(count) + 0.5) / count
+    share = (jnp.arange(count, dtype=jnp.result_type(start, end, float)) + 0.5) / count
     return (1.0 - share) * jnp.asarray(start) + share * jnp.asarray(end)
 
 
@@ -65,7 +65,8 @@ def keeps_bend(
 
     The knee is least bent at the corner farthest from the hip, by the law of cosines.
     """
-    farthest = jnp.hypot(jnp.abs(x)[:, None] + 0.5 * size, h + 0.5 * size)
+    x, h = x[:, None], h[None]
+    farthest = jnp.hypot(jnp.abs(x) + 0.5 * size, h + 0.5 * size)
     low = h - 0.5 * size < -robot.link_offset[0, 1, 2] - 1e-6 * size  # the cell that begins at L2 is in, whatever its rounding
     return (farthest <= reach_for_bend(robot.link_offset[0], least_bend)) & ~low
 

@@ -7,6 +7,8 @@ import pytest
 from jaxleg.robot import load_robot
 
 jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")  # our own code says what it broadcasts and casts ...
+jax.config.update("jax_numpy_dtype_promotion", "strict")  # ... others' runs in `numerics.foreign`
 if "JAX_NUM_CPU_DEVICES" not in os.environ:
     jax.config.update("jax_num_cpu_devices", 2)  # as the command line does on two cores; see search/batches.py
 _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jaxleg"

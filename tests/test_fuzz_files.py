@@ -75,8 +75,8 @@ def to_cells(elevation, cells):
 @jax.jit
 def seen_by_a_planner(terrain: HeightMap):
     """Traversability, and heights along the diagonal."""
-    last = terrain.resolution * (jnp.array(CELLS) - 1)
-    points = terrain.origin + jnp.linspace(0.0, 1.0, 16)[:, None] * last
+    last = terrain.resolution * (jnp.array(CELLS, float) - 1.0)
+    points = terrain.origin[None] + jnp.linspace(0.0, 1.0, 16)[:, None] * last[None]
     return traversability(terrain, 0.04, FeatureSettings()), jax.vmap(height, in_axes=(None, 0))(terrain, points)
 
 

@@ -69,7 +69,7 @@ def test_right_legs_are_equation_2(pegasus, leg):
 def test_left_legs_mirror_right_ones(pegasus):
     angles = jnp.tile(jnp.array([0.3, -0.4, 0.9]), (4, 1))
     foot = forward(pegasus.joint_axis, pegasus.link_offset, angles)
-    assert_allclose(foot[0::2], foot[1::2] * np.array([1.0, -1.0, 1.0]), atol=1e-12)
+    assert_allclose(foot[0::2], foot[1::2] * np.array([[1.0, -1.0, 1.0]]), atol=1e-12)
     assert np.all(foot[0::2, 1] > 0.2)  # positive hip: outwards
 
 
@@ -84,7 +84,7 @@ def test_all_feet_are_mujocos(pegasus):
         mujoco.mj_kinematics(model, data)
         feet = forward(pegasus.joint_axis, pegasus.link_offset, jnp.array(angles))
         turn = kinematics.rotation_from_quaternion(jnp.array(quat))
-        assert_allclose(place + matvec(turn, pegasus.hip_position + feet), data.site_xpos, atol=1e-12)
+        assert_allclose(place[None] + matvec(turn, pegasus.hip_position + feet), data.site_xpos, atol=1e-12)
 
 
 def test_jacobian_is_the_derivative(legs):

@@ -73,7 +73,7 @@ def test_joint_ranges_are_wide_open_unless_given(pegasus):
 
 def test_the_mass_of_a_batch_of_robots_is_each_ones(pegasus):
     factors = np.array([1.0, 2.0, 3.0])
-    many = jax.tree.map(lambda x: factors.reshape(3, *(1,) * x.ndim) * x, pegasus)
+    many = jax.tree.map(lambda x: factors.reshape(3, *(1,) * x.ndim) * x[None], pegasus)
     assert_allclose(many.mass, 35.2 * factors)
     assert_allclose(jax.vmap(lambda robot: robot.mass)(many), 35.2 * factors)
     assert_allclose(leg_length(many), 0.60 * factors)

@@ -78,7 +78,7 @@ def test_the_papers_workspace_is_near_the_best_of_its_heights(pegasus):
     for ours, value in zip(mean_cost(pegasus, PAPER, LEG_LOAD, (40, 8)), values):
         best = best_window(value, allowed, (40, 8))
         assert 1.0 < ours / best.mean < 1.05
-        assert -0.3 + size * best.x == pytest.approx(-0.175, abs=0.006)
+        assert -0.3 + size * float(best.x) == pytest.approx(-0.175, abs=0.006)
 
 
 def test_costs_scale_with_the_force(pegasus):

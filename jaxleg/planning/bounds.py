@@ -32,6 +32,6 @@ def swing_bounds(
     place is beyond the shell.
     """
     lateral = jnp.sum(robot.link_offset[0, :, 1]) ** 2
-    away = jnp.sum((place - hip[:2]) ** 2, axis=-1)
+    away = jnp.sum((place - hip[None, :2]) ** 2, axis=-1)
     longest, shortest = (reach_for_bend(robot.link_offset[0], bend) ** 2 + lateral for bend in (least_bend, most_bend))
     return Bounds(hip[2] - sqrt_safe(longest - away), hip[2] - sqrt_safe(shortest - away))

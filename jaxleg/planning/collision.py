@@ -48,7 +48,7 @@ def obstacles(terrain: HeightMap, resolution: float, leg_radius: float, trunk_sp
 
 def highest_near(ground: Obstacles, xy: Float[Array, "2"]) -> Float[Array, ""]:
     """Highest column [m] within a leg's radius of xy along x and y: the corners of that square, on the widened map."""
-    corners = xy + ground.rest * jnp.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]], xy.dtype)
+    corners = xy[None] + ground.rest * jnp.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]], xy.dtype)
     return jnp.max(jax.vmap(nearest_height, in_axes=(None, 0))(ground.leg, corners))
 
 
@@ -72,7 +72,7 @@ def leg_points(robot: Robot, pose: Float[Array, "6"], angles: Float[Array, "leg 
     thigh, shank = (jnp.asarray(places, knee.dtype)[None, :, None] for places in (THIGH, SHANK))
     hip = frames.origin[:, 1, None]
     points = jnp.concatenate([hip + thigh * (knee[:, None] - hip), knee[:, None] + shank * (ankle - knee)[:, None]], axis=1)
-    return pose[:3] + matvec(trunk_rotation(pose[3:]), robot.hip_position[:, None] + points)
+    return pose[None, None, :3] + matvec(trunk_rotation(pose[3:]), robot.hip_position[:, None] + points)
 
 
 def leg_clearance(
@@ -88,5 +88,5 @@ def trunk_clearance(robot: Robot, ground: Obstacles, pose: Float[Array, "6"]) ->
     """Least height [m] of the trunk's lower face over the ground; negative: it touches it."""
     x, y = (np.linspace(-0.5, 0.5, count) for count in TRUNK)
     face = np.stack([*np.meshgrid(x, y, indexing="ij"), np.full(TRUNK, -0.5)], axis=-1).reshape(-1, 3)
-    points = pose[:3] + matvec(trunk_rotation(pose[3:]), jnp.asarray(face, pose.dtype) * robot.trunk_size)
+    points = pose[None, :3] + matvec(trunk_rotation(pose[3:]), jnp.asarray(face, pose.dtype) * robot.trunk_size[None])
     return jnp.min(points[:, 2] - jax.vmap(nearest_height, in_axes=(None, 0))(ground.trunk, points[:, :2]))

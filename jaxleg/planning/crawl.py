@@ -52,7 +52,7 @@ def crawl(
     cycle_time = jnp.full(cycles, 1.0, advance.dtype) * advance / settings.speed
     phases = _phases(params, terrain, robot, settings, poses, feet_from, feet_to, cycle_time)
     lowering = _lowering(robot, params, settings, phases)
-    down = jnp.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0], lowering.dtype) * lowering
+    down = jnp.array([[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]], lowering.dtype) * lowering
     phases = phases._replace(trunk_from=phases.trunk_from + down, trunk_to=phases.trunk_to + down)
     return Walk(params, footholds, status, poses + down, cycle_time, lowering, phases)
 
@@ -96,7 +96,7 @@ def phase_shares(params: GaitParams) -> Float[Array, "6"]:
 
 def _phases(params, terrain, robot, settings, poses, feet_from, feet_to, cycle_time):
     cycles = cycle_time.shape[0]
-    duration = (cycle_time[:, None] * phase_shares(params)).reshape(-1)
+    duration = (cycle_time[:, None] * phase_shares(params)[None]).reshape(-1)
     start = jnp.cumsum(duration) - duration
     swings = jnp.tile(jax.nn.one_hot(jnp.array(SWING_LEG), 4, dtype=poses.dtype), (cycles, 1))
     trunk_to = jnp.repeat(poses[1:], PHASES // 2, axis=0)
@@ -115,9 +115,9 @@ def _apex(robot, params, settings, terrain, start, end):
     shares = jnp.array([0.15, 0.22, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85], start.dtype)
     along = jnp.clip((shares - params.lift_share) / (1.0 - 2.0 * params.lift_share), 0.0, 1.0)
     way = end[:2] - start[:2]
-    path = start[:2] + way * cycloid_advance(along)[:, None]
+    path = start[None, :2] + way[None] * cycloid_advance(along)[:, None]
     reach = jnp.stack([jnp.zeros_like(way), jnp.stack([robot.foot_radius, 0.0 * way[1]])])
-    disc = path[:, None] + jnp.stack([-reach[1], reach[0], reach[1]])
+    disc = path[:, None] + jnp.stack([-reach[1], reach[0], reach[1]])[None]
     ground = jnp.max(jax.vmap(jax.vmap(height, in_axes=(None, 0)), in_axes=(None, 0))(terrain, disc), axis=1)
     base = jnp.where(shares < 0.5, start[2], end[2])
     lift = cycloid_lift(shares)

@@ -13,6 +13,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.conventions import LEG_END
+from jaxleg.numerics import of_one_rank
 from jaxleg.plan import FootholdStatus
 from jaxleg.planning.rectangle import (
     Candidates,
@@ -112,7 +113,8 @@ def nearest_cell(terrain: HeightMap, xy: Float[Array, "*n 2"]) -> Int[Array, "*n
 
     A place that is not a number is `FAR` off the map.
     """
-    place = jnp.clip(jnp.round((xy - terrain.origin) / terrain.resolution), -FAR, FAR)
+    xy, origin = of_one_rank(xy, terrain.origin)
+    place = jnp.clip(jnp.round((xy - origin) / terrain.resolution), -FAR, FAR)
     return jnp.where(jnp.isnan(place), -FAR, place).astype(jnp.int32)
 
 
@@ -121,8 +123,9 @@ def _look(nominal, valid, terrain, seen: Candidates, reachable: Reachable, cells
     footing = jnp.where(valid & jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
     border = [(2 * n + 1, 2 * n + 1) for n in cells]  # a nominal foothold beyond it sees nothing but border
     bordered = jnp.pad(footing, border, constant_values=jnp.nan)
-    half, size = jnp.array(cells), tuple(2 * n + 1 for n in cells)
-    corner = jnp.clip(nearest_cell(terrain, nominal) + half + 1, 0, jnp.array(bordered.shape) - jnp.array(size))
+    size = tuple(2 * n + 1 for n in cells)
+    half, last = jnp.array([cells], jnp.int32), jnp.array([[n - m for n, m in zip(bordered.shape, size)]], jnp.int32)
+    corner = jnp.clip(nearest_cell(terrain, nominal) + half + 1, 0, last)
     height = jax.vmap(lambda c: jax.lax.dynamic_slice(bordered, c, size))(corner)
     level = _levels(jnp.where(seen.long, height, jnp.nan))
     return Found(footing, level, _within(height, level[:, None, None], reachable))
@@ -131,11 +134,11 @@ def _look(nominal, valid, terrain, seen: Candidates, reachable: Reachable, cells
 def _levels(height: Float[Array, "leg i j"]) -> Float[Array, "leg"]:
     """Mean height of the two legs' candidates at each leg's end of the trunk, which pitches with the ground; NaN for none."""
     there = jnp.isfinite(height)
-    count = jnp.sum(there, axis=(1, 2))
-    mean = jnp.sum(jnp.where(there, height, 0.0), axis=(1, 2)) / jnp.maximum(count, 1)
+    count = jnp.sum(there, axis=(1, 2), dtype=height.dtype)
+    mean = jnp.sum(jnp.where(there, height, 0.0), axis=(1, 2)) / jnp.maximum(count, 1.0)
     end = jnp.array(LEG_END)
-    mates = (end[:, None] == end) & (count > 0)
-    return jnp.sum(jnp.where(mates, mean, 0.0), axis=1) / jnp.sum(mates, axis=1)
+    mates = (end[:, None] == end[None]) & (count > 0.0)[None]
+    return jnp.sum(jnp.where(mates, mean[None], 0.0), axis=1) / jnp.sum(mates, axis=1, dtype=mean.dtype)
 
 
 def _within(height, level, reachable: Reachable):
@@ -159,13 +162,13 @@ def _resort(nominal, footing, terrain, rectangle, reachable: Reachable, level, l
     close = jnp.sum(offset**2, axis=-1) <= (reachable.step + 1e-3 * terrain.resolution) ** 2
     order = nearest_first(Candidates(offset, along, close, close), jnp.ones_like(close)).candidate
     order = jnp.pad(order, (0, -order.size % BLOCK), mode="edge")
-    start, size = nearest_cell(terrain, nominal), jnp.array(footing.shape)
+    start, size = nearest_cell(terrain, nominal), jnp.array([[footing.shape]], jnp.int32)
 
     def look(state):
         at, found, pick = state
         some = jax.lax.dynamic_slice(order, (at,), (BLOCK,))
-        cell = start[:, None] + jnp.asarray(cells[0])[some]
-        there = jnp.all((cell >= 0) & (cell < size), axis=-1) & close[0, some]
+        cell = start[:, None] + jnp.asarray(cells, jnp.int32)[:, some]
+        there = jnp.all((cell >= 0) & (cell < size), axis=-1) & close[:, some]
         cell = jnp.clip(cell, 0, size - 1)
         good = there & _within(footing[cell[..., 0], cell[..., 1]], level[:, None], reachable)
         new = jnp.where(found, pick, some[jnp.argmax(good, axis=-1)])

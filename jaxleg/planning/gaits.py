@@ -102,12 +102,13 @@ def footing(
     robot: Robot, plan: GaitPlan, scene: Scene, default: Float[Array, "2"], yaw: Float[Array, ""], leg: Int[Array, ""]
 ) -> Footing:
     """The best valid cells of the rectangle round a default foothold, turned to the heading. Paper C, (23)."""
-    resolution, shape = scene.terrain.resolution, jnp.array(scene.valid.shape)
-    middle = jnp.round((default - scene.terrain.origin) / resolution).astype(jnp.int32)
+    resolution, shape = scene.terrain.resolution, jnp.array([scene.valid.shape], jnp.int32)
+    origin, default = scene.terrain.origin[None], default[None]
+    middle = jnp.round((default - origin) / resolution).astype(jnp.int32)
     cell = middle + jnp.asarray(cells_around((plan.cells, plan.cells)), jnp.int32).reshape(-1, 2)
-    xy = scene.terrain.origin + resolution * cell.astype(default.dtype)
+    xy = origin + resolution * cell.astype(default.dtype)
     along = jnp.abs(to_heading(xy - default, yaw))
-    inside = jnp.all((cell >= 0) & (cell < shape), axis=1) & jnp.all(2.0 * along <= _rectangle(plan) + 1e-4, axis=1)
+    inside = jnp.all((cell >= 0) & (cell < shape), axis=1) & jnp.all(2.0 * along <= _rectangle(plan)[None] + 1e-4, axis=1)
     safe = jnp.clip(cell, 0, shape - 1)
     heading = jnp.round(yaw / (0.25 * jnp.pi)).astype(jnp.int32) % 8
     near = jnp.linalg.norm(xy - default, axis=1) / (0.5 * jnp.linalg.norm(_rectangle(plan)))
@@ -125,7 +126,7 @@ def swing_apex(plan: GaitPlan, ground: Obstacles, start: Float[Array, "3"], end:
     """Apex [m] of a swing over its higher end: the least one, raised until the foot clears the ground near all of its way."""
     shares = jnp.asarray(SWING_SHARES, start.dtype)
     along = cycloid_advance(jnp.clip((shares - plan.lift_share) / (1.0 - 2.0 * plan.lift_share), 0.0, 1.0))
-    path = start[:2] + (end - start)[:2] * along[:, None]
+    path = start[None, :2] + (end - start)[None, :2] * along[:, None]
     high = jax.vmap(highest_near, in_axes=(None, 0))(ground, path)
     base, lift = jnp.where(shares < 0.5, start[2], end[2]), cycloid_lift(shares)
     top = base + (high + plan.clearance * lift - base) / lift
@@ -159,13 +160,13 @@ def transition(
     start = state.feet[leg]
     top = jnp.maximum(start[2], target[2]) + swing_apex(plan, ground, start, target)
     shares = jnp.asarray(SHIFT_SHARES, pose.dtype)[:, None]
-    poses = jnp.concatenate([state.pose + shares * (pose - state.pose), jnp.broadcast_to(pose, (len(BOX), 6))])
+    poses = jnp.concatenate([state.pose[None] + shares * (pose - state.pose)[None], jnp.broadcast_to(pose, (len(BOX), 6))])
     way, lift = jnp.asarray(BOX, pose.dtype).T[:, :, None]
     base = jnp.where(way < 0.5, start, target)[:, 2:]
-    foot = jnp.concatenate([start[:2] + way * (target - start)[:2], base + lift * (top - base)], axis=1)
-    swinging = jnp.arange(4) == leg
+    foot = jnp.concatenate([start[None, :2] + way * (target - start)[None, :2], base + lift * (top - base)], axis=1)
+    swinging = (jnp.arange(4) == leg)[None]
     held = jnp.broadcast_to(state.feet, (len(SHIFT_SHARES), 4, 3))
-    feet = jnp.concatenate([held, jnp.where(swinging[:, None], foot[:, None], state.feet)])
+    feet = jnp.concatenate([held, jnp.where(swinging[..., None], foot[:, None], state.feet[None])])
     in_swing = (jnp.arange(poses.shape[0]) >= len(SHIFT_SHARES))[:, None]
     seen = jax.vmap(lambda *x: _look(robot, plan, ground, *x))(poses, feet, ~(swinging & in_swing))
     touched = jnp.any(seen.legs < 0.0, axis=0)
@@ -239,7 +240,7 @@ def _order(robot: Robot, plan: GaitPlan, state: State, leg, seen: Footing) -> In
         return holding_power(robot, feet, pose, weight) * seconds
 
     value = plan.energy_weight / plan.energy * jax.vmap(energy)(adjust)
-    return jnp.argsort((seen.cost[:, None] + jnp.nan_to_num(value, nan=jnp.inf)).reshape(-1))
+    return jnp.argsort((seen.cost[:, None] + jnp.nan_to_num(value, nan=jnp.inf)[None]).reshape(-1))
 
 
 def first_state(robot: Robot, plan: GaitPlan, scene: Scene, stations: Stations) -> tuple[State, Bool[Array, ""]]:

@@ -20,6 +20,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from jaxleg.conventions import LEG_END, LEGS
+from jaxleg.numerics import foreign
 from jaxleg.settings import build
 from jaxleg.terrain.foothold_cost import LegWeights
 
@@ -42,12 +43,12 @@ def differences(rankings: Float[Array, "set rank feature"]) -> Float[Array, "pai
 
 def pairwise_loss(slope: Float[Array, "feature"], pairs: Float[Array, "pair feature"]) -> Float[Array, ""]:
     """Mean negative logarithm of the likelihood of pairs (see `differences`); `slope` is b w."""
-    return jnp.mean(jax.nn.softplus(-jnp.sum(pairs * slope, axis=-1)))
+    return jnp.mean(jax.nn.softplus(-jnp.sum(pairs * slope[None], axis=-1)))
 
 
 def listwise_loss(slope: Float[Array, "feature"], rankings: Float[Array, "set rank feature"]) -> Float[Array, ""]:
     """Mean negative logarithm of the likelihood of rankings, best first; `slope` is b w."""
-    taste = -jnp.sum(rankings * slope, axis=-1)
+    taste = -jnp.sum(rankings * slope[None, None], axis=-1)
     left = jax.lax.cumlogsumexp(taste, axis=1, reverse=True)
     return jnp.mean(jnp.sum(left - taste, axis=1))
 
@@ -66,8 +67,9 @@ def learn(
     def step(carry, _):
         free, moments = carry
         value, gradient = jax.value_and_grad(objective)(free)
-        update, moments = optimiser.update(gradient, moments)
-        return (optax.apply_updates(free, update), moments), value
+        with foreign():
+            update, moments = optimiser.update(gradient, moments)
+            return (optax.apply_updates(free, update), moments), value
 
     (free, _), values = jax.lax.scan(step, (start, optimiser.init(start)), length=steps)
     return Learned(_weight(free[0], signed), jnp.exp(free[1]), values)
@@ -79,7 +81,7 @@ def _weight(free, signed: bool):
 
 def pairwise_accuracy(weight: Float[Array, "feature"], pairs: Float[Array, "pair feature"]) -> Float[Array, ""]:
     """Share of pairs (see `differences`) that a weight puts in the expert's order; a tie counts as half."""
-    margin = jnp.sum(pairs * weight, axis=-1)
+    margin = jnp.sum(pairs * weight[None], axis=-1)
     return jnp.mean(0.5 * (1.0 + jnp.sign(margin)))
 
 

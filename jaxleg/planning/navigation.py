@@ -5,7 +5,6 @@ closed and another path is tried (`detour`).
 """
 
 import dataclasses
-import enum
 from typing import NamedTuple
 
 import jax
@@ -14,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.conventions import HEADINGS, LEGS
+from jaxleg.numerics import Code
 from jaxleg.plan import GaitParams, Phases, Reference
 from jaxleg.planning.collision import obstacles, trunk_spacing
 from jaxleg.planning.config import Navigation
@@ -36,7 +36,7 @@ from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.validity import steepest_side, valid_cells
 
 
-class NavigationStatus(enum.IntEnum):
+class NavigationStatus(Code):
     """Outcome of planning a walk; anything but `OK` is counted, never averaged over."""
 
     OK = 0
@@ -96,10 +96,11 @@ class Navigator:
 
         Beyond the paper a path needs valid cells round every default foothold (`footing.least_share`).
         """
-        weights, resolution = cost_weights(self.settings.cost), self.resolution
+        dtype, resolution = terrain.elevation.dtype, self.resolution
+        weights = jax.tree.map(lambda x: x.astype(dtype), cost_weights(self.settings.cost))
         features = foothold_features(terrain, resolution, self.windows.foothold)
         cost = total_cost(terrain, features, resolution, self.windows, weights)
-        angles = 0.25 * jnp.pi * jnp.arange(len(HEADINGS))
+        angles = 0.25 * jnp.pi * jnp.arange(len(HEADINGS), dtype=dtype)
 
         def of_leg(leg):  # one heading after another: a vmap would hold the scores of all of them at once
             return jax.lax.map(lambda angle: foothold_cost(features, weights.feet, leg, angle), angles)
@@ -113,7 +114,7 @@ class Navigator:
         """Where a foot may be placed."""
         rule, radius = self.settings.footing, float(self.robot.foot_radius)
         easy = traversability(terrain, self.resolution, FeatureSettings()) >= rule.least_traversability
-        firm = steepest_side(terrain) <= np.deg2rad(rule.side_slope_limit_deg)
+        firm = steepest_side(terrain) <= float(np.deg2rad(rule.side_slope_limit_deg))
         slope = float(np.deg2rad(rule.slope_limit_deg))
         return valid_cells(terrain, self.resolution, radius, slope, rule.edge_height, easy) & firm
 
@@ -132,7 +133,7 @@ class Navigator:
 
     def route(self, terrain: HeightMap, path: BodyPath) -> Route:
         """The path, smoothed."""
-        points = terrain.origin + terrain.resolution * path.cells.astype(terrain.origin.dtype)
+        points = terrain.origin[None] + terrain.resolution * path.cells.astype(terrain.origin.dtype)
         spacing, window = (jnp.asarray(x, points.dtype) for x in (0.5 * self.resolution, self.settings.path.smoothing))
         return smooth_route(points, jnp.maximum(path.length, 1), spacing, window, 3 * self.settings.path.cells)
 
@@ -162,7 +163,7 @@ class Navigator:
 
     def detour(self, terrain: HeightMap, walked: Walked, closed: Bool[Array, "nx ny"]) -> Bool[Array, "nx ny"]:
         """`closed` with the ground round a walk's dead end."""
-        i, j = (terrain.resolution * jnp.arange(n) for n in closed.shape)
+        i, j = (terrain.resolution * jnp.arange(n, dtype=terrain.resolution.dtype) for n in closed.shape)
         x, y = walked.stuck - terrain.origin
         return closed | (jnp.hypot(i[:, None] - x, j[None, :] - y) < self.settings.path.detour_radius)
 
@@ -180,7 +181,7 @@ class Navigator:
         time, at = phase_instants(self.robot, phases, legs, self.gait.lift_share, self.timing.load_share, self.samples)
         used = valid[phase_samples(self.samples, legs)[0]]
         bend = jnp.min(jnp.where(used[:, None], at.bend, jnp.inf))
-        ratio = jnp.max(jnp.where(used[:, None, None], jnp.abs(at.torque) / self.robot.torque_limit, 0.0))
+        ratio = jnp.max(jnp.where(used[:, None, None], jnp.abs(at.torque) / self.robot.torque_limit[None], 0.0))
         return Planned(phases, to_reference(time, at), count * sum(self.samples) + self.samples[0], bend, ratio)
 
 

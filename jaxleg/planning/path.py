@@ -11,7 +11,6 @@ by sweeps over the map in four directions until nothing changes. A sweep carries
 its way, so the number of rounds is that of a path's turns, not its length. One map; `vmap` outside.
 """
 
-import enum
 from typing import NamedTuple
 
 import jax
@@ -20,9 +19,10 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxleg.conventions import HEADINGS
+from jaxleg.numerics import Code
 
 
-class PathStatus(enum.IntEnum):
+class PathStatus(Code):
     """Outcome of a path search."""
 
     OK = 0
@@ -56,7 +56,7 @@ def move_costs(
 
     `cost` is infinite where blocked (or NaN, unknown), else not negative; `resolution` is the size of a cell along x and y [m].
     """
-    steps = jnp.asarray(HEADINGS, resolution.dtype) * resolution
+    steps = jnp.asarray(HEADINGS, resolution.dtype) * resolution[None]
     way = jnp.sqrt(jnp.sum(steps**2, axis=1))
     entered = jnp.stack([_moved(c, step, jnp.inf) for c, step in zip(cost, HEADINGS)])
     closed = ~jnp.isfinite(entered)
@@ -68,7 +68,7 @@ def heuristic(
     shape: tuple[int, int], goal: Int[Array, "2"], weights: PathWeights, resolution: Float[Array, "2"]
 ) -> Float[Array, "nx ny"]:
     """mu_1 times the straight way from each cell to the goal: never more than the cost to go. Paper C, (19), (20)."""
-    i, j = (jnp.arange(n) - g for n, g in zip(shape, goal))
+    i, j = ((jnp.arange(n, dtype=goal.dtype) - g).astype(resolution.dtype) for n, g in zip(shape, goal))
     return weights.distance * jnp.hypot(i[:, None] * resolution[0], j[None, :] * resolution[1])
 
 
@@ -156,7 +156,7 @@ def find_path(
 
     A start or goal off the map counts as blocked.
     """
-    shape = jnp.array(cost.shape[1:])
+    shape = jnp.array(cost.shape[1:], jnp.int32)
     blocked = [jnp.any((c < 0) | (c >= shape)) for c in (start, goal)]
     start, goal = (jnp.clip(c, 0, shape - 1) for c in (start, goal))
     open_ = jnp.any(jnp.isfinite(cost), axis=0)
@@ -172,7 +172,7 @@ def find_path(
         return jnp.where(there, cell, jnp.clip(cell + steps[heading], 0, shape - 1)), (cell, heading)
 
     _, (cells, heading) = jax.lax.scan(walk, jnp.where(jnp.isfinite(total), start, goal), length=longest)
-    there = jnp.all(cells == goal, axis=1)
+    there = jnp.all(cells == goal[None], axis=1)
     status = jnp.where(there[-1], PathStatus.OK, PathStatus.TOO_LONG)
     status = jnp.where(jnp.isfinite(total), status, PathStatus.NO_PATH)
     status = jnp.where(blocked[1], PathStatus.GOAL_BLOCKED, status)
@@ -219,7 +219,7 @@ def _occupancy(policy, value, goal, cotangent):
     """Cotangent of the moves: the flow times the policy; cells that do not reach the goal have no gradient."""
     on = jnp.isfinite(value) & ~_at_goal(value.shape, goal)
     policy = jnp.where(on, policy, 0.0)
-    return policy * _flow(policy, jnp.where(jnp.isfinite(value), cotangent, 0.0))
+    return policy * _flow(policy, jnp.where(jnp.isfinite(value), cotangent, 0.0))[None]
 
 
 cost_to_go.defvjp(_forward, _backward)
@@ -271,8 +271,8 @@ def _soft_forward(moves, goal, temperature):
 def _soft_backward(kept, cotangent):
     moves, value, goal, temperature = kept
     onward = onward_costs(moves, value)
-    usable = jnp.isfinite(value) & jnp.isfinite(onward)
-    policy = jnp.where(usable, jnp.exp(-(jnp.where(usable, onward - value, 0.0)) / temperature), 0.0)
+    usable = jnp.isfinite(value)[None] & jnp.isfinite(onward)
+    policy = jnp.where(usable, jnp.exp(-(jnp.where(usable, onward - value[None], 0.0)) / temperature), 0.0)
     gradient = _occupancy(policy, value, goal, cotangent)
     return gradient, np.zeros(goal.shape, jax.dtypes.float0), jnp.zeros_like(temperature)
 

@@ -33,7 +33,7 @@ class PosePlan:
 def support_plane(feet: Float[Array, "leg 3"], weight: Float[Array, "leg"]) -> Float[Array, "3"]:
     """Plane z = p[0] + p[1] x + p[2] y through feet in W by weighted least squares; exact with three positive weights."""
     centre = jnp.sum(weight[:, None] * feet[:, :2], axis=0) / jnp.sum(weight)
-    row = jnp.concatenate([jnp.ones_like(feet[:, :1]), feet[:, :2] - centre], axis=1)
+    row = jnp.concatenate([jnp.ones_like(feet[:, :1]), feet[:, :2] - centre[None]], axis=1)
     normal = jnp.sum(weight[:, None, None] * row[:, :, None] * row[:, None, :], axis=0)
     plane = matvec(inverse3_safe(normal, 1e-9), jnp.sum((weight * feet[:, 2])[:, None] * row, axis=0))
     return plane.at[0].add(-jnp.sum(plane[1:] * centre))

@@ -53,7 +53,7 @@ def trunk_spin(turn: Float[Array, "3"], rate: Float[Array, "3"]) -> Float[Array,
 
 def feet_in_trunk(pose: Float[Array, "6"], feet: Float[Array, "leg 3"]) -> Float[Array, "leg 3"]:
     """Feet [m] relative to B's origin, in B."""
-    return matvec(jnp.swapaxes(trunk_rotation(pose[3:]), 0, 1), feet - pose[:3])
+    return matvec(jnp.swapaxes(trunk_rotation(pose[3:]), 0, 1), feet - pose[None, :3])
 
 
 def joint_angles(

@@ -46,7 +46,7 @@ def checks(robot: Robot, walk: Walk, at: Instant) -> PlanChecks:
     """Least knee bend, stability margin and so on over sampled instants (leading axis of `at`)."""
     feet, loaded = at.feet[..., :2], at.weight > 0.01
     margin = jnp.min(jax.vmap(stability_margin)(at.com[:, :2], feet, loaded))
-    ratio = jnp.max(jnp.abs(at.torque) / robot.torque_limit)
+    ratio = jnp.max(jnp.abs(at.torque) / robot.torque_limit[None])
     load = jnp.min(jnp.where(loaded, at.load, jnp.inf)) / (0.25 * robot.mass * GRAVITY)
     status = _status(robot, walk, at, margin + ratio + load)
     return PlanChecks(jnp.min(at.bend), margin, ratio, load, jnp.min(at.room), walk.lowering, status)

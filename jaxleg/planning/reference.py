@@ -89,8 +89,8 @@ def instant_of(robot: Robot, at: Pose, weight: Float[Array, "leg"]) -> Instant:
     frames = all_leg_frames(robot, angles)
     to_trunk = jnp.swapaxes(trunk_rotation(at.trunk[3:]), 0, 1)
     arm = robot.hip_position + frames.foot
-    foot_v = matvec(to_trunk, at.feet_rate - at.trunk_rate[:3]) - cross(jnp.broadcast_to(spin, arm.shape), arm)
-    foot_a = matvec(to_trunk, at.feet_acceleration - at.trunk_acceleration[:3])
+    foot_v = matvec(to_trunk, at.feet_rate - at.trunk_rate[None, :3]) - cross(jnp.broadcast_to(spin, arm.shape), arm)
+    foot_a = matvec(to_trunk, at.feet_acceleration - at.trunk_acceleration[None, :3])
     foot_a = foot_a - jax.vmap(_moving_frame, in_axes=(None, None, 0, 0))(spin, spin_rate, arm, foot_v)
     velocity, acceleration = jax.vmap(joint_rates)(frames, foot_v, foot_a)
     torque, force = torques_on_ground(

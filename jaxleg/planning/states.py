@@ -5,13 +5,14 @@ height is adjusted first, then pitch, roll, and the foothold last (28). Adjustme
 """
 
 import dataclasses
-import enum
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
+
+from jaxleg.numerics import Code
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Place(NamedTuple):
     height: Int[Array, "*n"]
 
 
-class Cause(enum.IntEnum):
+class Cause(Code):
     """Why a candidate state cannot be reached. `HIND_LEG`, `LEFT_LEG` and `COLLISION` are contacts with the ground."""
 
     NONE = 0
@@ -76,7 +77,8 @@ def place_of(candidate: Int[ArrayLike, "*n"], counts: Counts) -> Place:
 
 def adjustment(place: Place, adjustments: Adjustments, counts: Counts) -> Float[Array, "*n 3"]:
     """Height over the plane [m], then pitch and roll beyond it [rad], of a place."""
-    steps = [jnp.asarray(outwards(n))[i] for n, i in zip((counts.heights, counts.pitches, counts.rolls), place[:0:-1])]
+    dtype = adjustments.height.dtype
+    steps = [jnp.asarray(outwards(n), dtype)[i] for n, i in zip((counts.heights, counts.pitches, counts.rolls), place[:0:-1])]
     height = adjustments.height + steps[0] * adjustments.height_step
     return jnp.stack([height, steps[1] * adjustments.pitch_step, steps[2] * adjustments.roll_step], axis=-1)
 
@@ -89,7 +91,7 @@ def pruned(candidate: Int[Array, ""], cause: Int[Array, ""], counts: Counts) -> 
     other adjustments unchanged. Heuristics: a leg folded too far, say, would profit from a greater height. Where a foothold is
     missing, so are all after it.
     """
-    all_ = place_of(np.arange(counts.candidates), counts)
+    all_ = place_of(jnp.arange(counts.candidates, dtype=candidate.dtype), counts)
     here = place_of(candidate, counts)
     height, pitch, roll = (jnp.asarray(outwards(n)) for n in (counts.heights, counts.pitches, counts.rolls))
     foothold, same_roll, same_pitch, same_height = (a == b for a, b in zip(all_, here))

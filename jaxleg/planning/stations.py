@@ -46,14 +46,14 @@ def smooth_route(
     window ahead.
     """
     last = length - 1
-    points = jnp.where((jnp.arange(points.shape[0]) <= last)[:, None], points, points[last])
+    points = jnp.where((jnp.arange(points.shape[0], dtype=last.dtype) <= last)[:, None], points, points[last])
     steps = jnp.linalg.norm(jnp.diff(points, axis=0), axis=1)
     along = jnp.concatenate([jnp.zeros(1, points.dtype), jnp.cumsum(steps)])
     total = along[-1]
-    way = jnp.minimum(spacing * jnp.arange(samples), total)
+    way = jnp.minimum(spacing * jnp.arange(samples, dtype=spacing.dtype), total)
     half = jnp.minimum(0.5 * window, jnp.minimum(way, total - way))
-    nodes = jnp.linspace(-1.0, 1.0, 9)
-    at = way[:, None] + half[:, None] * nodes
+    nodes = jnp.linspace(-1.0, 1.0, 9, dtype=points.dtype)
+    at = way[:, None] + half[:, None] * nodes[None]
     xy = jnp.mean(_along(points, along, at), axis=1)
     reach = jnp.maximum(0.5 * window, spacing)
     chord = _along(points, along, jnp.minimum(way + reach, total)) - _along(points, along, jnp.maximum(way - reach, 0.0))
@@ -89,5 +89,5 @@ def _at(route: Route, way):
     place = way / route.spacing
     low = jnp.clip(place.astype(jnp.int32), 0, route.direction.shape[0] - 2)
     rows = jnp.concatenate([route.xy, route.direction[:, None]], axis=1)
-    share = jnp.clip(place - low, 0.0, 1.0)
+    share = jnp.clip(place - low.astype(place.dtype), 0.0, 1.0)
     return rows[low] * (1.0 - share) + rows[low + 1] * share

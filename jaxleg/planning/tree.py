@@ -9,7 +9,6 @@ result that of a fresh search of `depth` steps from every settled state, without
 Memory: the series and `depth` nodes, however many candidates are tried (paper C: "only 5 states in the green line").
 """
 
-import enum
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -17,8 +16,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
+from jaxleg.numerics import Code
 
-class SearchStatus(enum.IntEnum):
+
+class SearchStatus(Code):
     """Outcome of a search."""
 
     FOUND = 0
@@ -91,14 +92,14 @@ def advance(nodes: Nodes, series: Series, count: Int[Array, ""], budget: Int[Arr
     depth, width = series.order.shape
     slot = series.step % depth
     order, dead, place = series.order[slot], series.dead[slot], series.place[slot]
-    open_ = ~dead[order] & (jnp.arange(width) >= place)
+    open_ = ~dead[order] & (jnp.arange(width, dtype=place.dtype) >= place)
     at = jnp.argmax(open_).astype(jnp.int32)
     candidate, any_left = order[at], open_[at]
     tried = nodes.attempt(_item(series.states, series.step), _item(series.data, slot), series.step, candidate)
     reached = tried.reached & any_left
     failed = any_left & ~tried.reached
     series = series._replace(
-        visited=series.visited + any_left,
+        visited=series.visited + any_left.astype(jnp.int32),
         causes=series.causes.at[tried.cause].add(failed.astype(jnp.int32)),
         place=series.place.at[slot].set(at + 1),
         dead=series.dead.at[slot].set(dead | (tried.pruned & any_left)),
@@ -129,7 +130,7 @@ def _entered(nodes: Nodes, series: Series, candidate, state, reached) -> Series:
     """The search with a reached state on its branch and the next step's node made."""
     depth, steps = series.place.shape[0], series.choice.shape[0]
     here = jnp.where(reached, series.step, steps)  # beyond the end: dropped
-    step = series.step + reached
+    step = series.step + reached.astype(jnp.int32)
     data, order = nodes.expand(state, step)
     slot = jnp.where(reached, step % depth, depth)
     return series._replace(

@@ -43,7 +43,7 @@ def walk_phases(
     """Phases of the first `count` steps of a series (`states` has a leading axis: before each step, and at its end), and
     which of them take part."""
     steps = states.feet.shape[0] - 1
-    step = jnp.arange(steps + 1)
+    step = jnp.arange(steps + 1, dtype=count.dtype)
     walked = step < count
     feet = jax.tree.map(lambda x: x[jnp.minimum(step, count)], states.feet)
     after = jnp.where(walked[:, None, None], states.feet[jnp.minimum(step + 1, steps)], feet)

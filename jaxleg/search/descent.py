@@ -9,6 +9,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float, Int
 
+from jaxleg.numerics import foreign
 from jaxleg.planning.planner import Site
 from jaxleg.search.lanes import Lab, Setting
 
@@ -78,7 +79,8 @@ def start(
     for i in range(min(starts, known.shape[0])):
         span = bounds[i::starts]
         free = free.at[i::starts].set(unbounded(jnp.broadcast_to(known[i], span.shape[:-1]), span))
-    return Descent(free, optimiser.init(free), jnp.zeros((), jnp.int32))
+    with foreign():
+        return Descent(free, optimiser.init(free), jnp.zeros((), jnp.int32))
 
 
 def descend(
@@ -107,5 +109,7 @@ def descend(
 
 @functools.partial(jax.jit, static_argnums=0)
 def _advance(optimiser, state, bounds, gradient):
-    update, moments = optimiser.update(free_gradient(state.free, bounds, gradient), state.moments)
-    return Descent(optax.apply_updates(state.free, update), moments, state.step + 1)
+    gradient = free_gradient(state.free, bounds, gradient)
+    with foreign():
+        update, moments = optimiser.update(gradient, state.moments)
+        return Descent(optax.apply_updates(state.free, update), moments, state.step + 1)

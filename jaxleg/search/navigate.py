@@ -102,7 +102,7 @@ def _simulated(navigator: Navigator, engine: Engine, ground: Ground, ticks, terr
     per_step, tick = sum(navigator.samples), jnp.asarray(navigator.settings.pace.tick, goal.dtype)
     seen = follow(engine, navigator.robot, ground, terrain, planned.reference, planned.last, per_step, tick, ticks)
     landing = landing_errors(planned.reference, seen, per_step, STEP_LEGS)
-    swung = jnp.arange(landing.shape[0]) < jnp.minimum(seen.reached, planned.last) // per_step
+    swung = jnp.arange(landing.shape[0], dtype=jnp.int32) < jnp.minimum(seen.reached, planned.last) // per_step
     end = seen.trunk[jnp.minimum(planned.last // per_step, landing.shape[0] - 1), :2]
     finished = (seen.reached >= planned.last) & ~seen.meters.fell
     return Outcome(
@@ -121,9 +121,9 @@ def on_valid_cells(surveys: Survey, walked: Walked) -> Bool[np.ndarray, "map"]:
 
     def lane(terrain: HeightMap, valid, states, count):
         cell = nearest_cell(terrain, states.feet[..., :2])
-        centre = terrain.origin + terrain.resolution * cell.astype(states.feet.dtype)
+        centre = terrain.origin[None, None] + terrain.resolution * cell.astype(states.feet.dtype)
         fine = valid[cell[..., 0], cell[..., 1]] & (jnp.max(jnp.abs(centre - states.feet[..., :2]), axis=-1) < 1e-3)
-        return jnp.all(fine | (jnp.arange(fine.shape[0]) > count)[:, None])
+        return jnp.all(fine | (jnp.arange(fine.shape[0], dtype=count.dtype) > count)[:, None])
 
     return over_lanes(lane, *layout(len(walked.status), MOST))(
         surveys.scene.terrain, surveys.scene.valid, walked.states, walked.count

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
 
-from jaxleg.numerics import cross
+from jaxleg.numerics import cross, foreign
 from jaxleg.robot import Robot
 from jaxleg.robot.mjcf import robot_mjcf
 
@@ -43,17 +43,19 @@ def mjx_engine(robot: Robot) -> Engine:
     """The engine of MJX for a concrete robot (its leaves must be numbers, not tracers)."""
     spec = mujoco.MjModel.from_xml_string(robot_mjcf(robot))
     spec.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    model, data = mjx.put_model(spec), mjx.make_data(spec)
+    with foreign():
+        model, data = mjx.put_model(spec), mjx.make_data(spec)
     feet = jnp.arange(4)
 
     def terms(q: Float[Array, "19"], v: Float[Array, "18"]) -> Terms:
         d = data.replace(qpos=q, qvel=v)
-        for stage in (smooth.kinematics, smooth.com_pos, smooth.crb, smooth.com_vel, smooth.rne):
-            d = stage(model, d)
-        mass, com = mjx.full_m(model, d), d.subtree_com[1]
+        with foreign():
+            for stage in (smooth.kinematics, smooth.com_pos, smooth.crb, smooth.com_vel, smooth.rne):
+                d = stage(model, d)
+            mass, com = mjx.full_m(model, d), d.subtree_com[1]
         foot = d.site_xpos[feet]
         spin, linear = d.cdof[:, :3], d.cdof[:, 3:]
-        arm = foot - com
+        arm = foot - com[None]
 
         def jacobian(dofs):  # column of a dof: its velocity at the foot
             moved = linear[dofs] + cross(*jnp.broadcast_arrays(spin[dofs], arm[:, None]))
@@ -65,7 +67,7 @@ def mjx_engine(robot: Robot) -> Engine:
         bias = d.qfrc_bias
         return Terms(
             *(mass[:6, :6], coupling, blocks, bias[:6], bias[6:].reshape(4, 3)),
-            *(foot, jacobian(jnp.arange(6)), jacobian(legs), com),
+            *(foot, jacobian(jnp.arange(6)[None]), jacobian(legs), com),
         )
 
     return terms

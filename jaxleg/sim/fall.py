@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.kinematics import rotation_from_quaternion
+from jaxleg.numerics import matvec
 from jaxleg.robot import Robot
 from jaxleg.sim.step import State
 from jaxleg.terrain.heightmap import HeightMap
@@ -40,7 +41,7 @@ def watch_trunk(robot: Robot, terrain: HeightMap, start: State, feet: Float[Arra
     reach = jnp.floor(jnp.sqrt(jnp.sum(half**2)) / terrain.resolution + 0.5).astype(jnp.int32)
     seen = jnp.where(jnp.isnan(terrain.elevation), -jnp.inf, terrain.elevation)
     ground = HeightMap(_widened(seen, reach), terrain.origin, terrain.resolution)
-    return Trunk(ground, jnp.asarray(face, start.q.dtype) * robot.trunk_size, half, start.q[2] - jnp.mean(feet[:, 2]))
+    return Trunk(ground, jnp.asarray(face, start.q.dtype) * robot.trunk_size[None], half, start.q[2] - jnp.mean(feet[:, 2]))
 
 
 def _widened(elevation: Float[Array, "nx ny"], cells: Int[Array, ""]) -> Float[Array, "nx ny"]:
@@ -68,10 +69,10 @@ def fallen(trunk: Trunk, state: State, foot: Float[Array, "leg 3"]) -> Bool[Arra
 
 def touches(trunk: Trunk, position: Float[Array, "3"], rotation: Float[Array, "3 3"]) -> Bool[Array, ""]:
     """Whether the trunk's lower face meets the ground, B's origin at `position` in W [m]."""
-    place = position + jnp.sum(rotation * trunk.centre[:, None, :], axis=-1)
+    place = position[None] + matvec(rotation, trunk.centre)
     lowest = place[:, 2] - jnp.sum(jnp.abs(rotation[2, :2]) * trunk.half)
     ground = trunk.ground
-    last = jnp.array(ground.elevation.shape) - 1
-    cell = jnp.round((place[:, :2] - ground.origin) / ground.resolution).astype(jnp.int32)
+    last = jnp.array([ground.elevation.shape], jnp.int32) - 1
+    cell = jnp.round((place[:, :2] - ground.origin[None]) / ground.resolution).astype(jnp.int32)
     cell = jnp.clip(cell, 0, last)
     return jnp.any(lowest < ground.elevation[cell[:, 0], cell[:, 1]])

@@ -87,7 +87,7 @@ def corrected(row: Reference, now: Posture) -> Float[Array, "leg joint"]:
     """Joint angles [rad] of the law above for the planned `row` and the posture as it is."""
     wanted, actual = rotation_from_quaternion(_unit(row.trunk_quat)), rotation_from_quaternion(now.trunk_quat)
     standing = matvec(wanted.T, now.feet - row.foot_pos)
-    swinging = matvec(actual.T, row.foot_pos - now.trunk_pos) - matvec(wanted.T, row.foot_pos - row.trunk_pos)
+    swinging = matvec(actual.T, row.foot_pos - now.trunk_pos[None]) - matvec(wanted.T, row.foot_pos - row.trunk_pos[None])
     load = row.contact[:, None]
     change = matvec(actual, load * standing + (1.0 - load) * swinging)
     return row.joint_pos + matvec(inverse3_safe(now.jacobian), change)
@@ -147,12 +147,12 @@ def _walker(engine: Engine, robot: Robot, ground: Ground, terrain: HeightMap, re
         after = jax.tree.map(lambda a, b: jnp.where(alive, a, b), after, state)
         going = going & alive
         place = jnp.where(going, walk.index // per_step, steps)
-        ticks = walk.ticks + going
+        ticks = walk.ticks + going.astype(jnp.int32)
         return _Walk(
             state=after,
             tally=measure(walk.tally, seen, after, state, going, dt),
             alive=alive,
-            index=walk.index + (going & (ticks.astype(dtype) * dt >= high.time)),
+            index=walk.index + (going & (ticks.astype(dtype) * dt >= high.time)).astype(jnp.int32),
             ticks=ticks,
             held=held,
             feet=walk.feet.at[place].set(terms.foot, mode="drop"),

@@ -90,7 +90,7 @@ def walk_reactively(
         felt = felt + (force - felt) * dt / (feel.delay + dt)
         ok = alive & ~fallen(trunk, after, seen.foot)
         state = jax.tree.map(lambda a, b: jnp.where(ok, a, b), after, state)
-        hips = state.q[:3] + matvec(rotation_from_quaternion(state.q[3:7]), robot.hip_position)
+        hips = state.q[None, :3] + matvec(rotation_from_quaternion(state.q[3:7]), robot.hip_position)
         upcoming, contact = _proceed(orders, gait, leg, moving, hips, felt[leg], dt)
         mode = jnp.where(moving, gait.swing.state.mode, -1)
         tick = Tick(
@@ -167,9 +167,8 @@ def _proceed(orders: _Orders, gait: _Gait, leg, moving, hips, force, dt) -> tupl
     clock = jnp.where(moving, jnp.where(lands, (1.0 - share) * phase.duration, gait.clock), gait.clock + dt)
     held = jnp.where(moving, gait.held.at[leg].set(foot), gait.held)
     over = clock >= phase.duration
-    after = gait._replace(
-        phase=gait.phase + (over & (gait.phase < walk.phases.start.shape[0])), clock=jnp.where(over, 0.0, clock), held=held
-    )
+    onward = (over & (gait.phase < walk.phases.start.shape[0])).astype(jnp.int32)
+    after = gait._replace(phase=gait.phase + onward, clock=jnp.where(over, 0.0, clock), held=held)
     upcoming, next_leg, next_swings = _now(walk, after)
     target, time = upcoming.feet_to[next_leg], _moved(orders, upcoming)
     setting = set_out(robot, feel, held[next_leg], target, hips[next_leg], time)

@@ -69,7 +69,7 @@ def set_out(
     way = target[:2] - foot[:2]
     stride = jnp.maximum(norm_safe(way), 1e-3)
     heading = way / stride
-    place = foot[:2] + jnp.linspace(0.0, 1.0, PLACES)[:, None].astype(foot.dtype) * way
+    place = foot[None, :2] + jnp.linspace(0.0, 1.0, PLACES, dtype=foot.dtype)[:, None] * way[None]
     bounds = swing_bounds(robot, hip, place, feel.least_bend, feel.most_bend)
     zero = jnp.zeros((), foot.dtype)
     step = Step(jnp.stack([zero, foot[2]]), jnp.stack([stride, target[2]]))

@@ -91,7 +91,7 @@ def _solve(terms: Terms, resistance, joint_gain, force, load, dt):
     through_leg = matmul(resistance, by_leg)
     trunk = terms.trunk + dt * jnp.sum(matmul(from_trunk, matmul(resistance, by_trunk)), axis=0)
     coupling = terms.coupling + dt * matmul(from_trunk, through_leg)
-    diagonal = joint_gain[..., None] * jnp.eye(3, dtype=load.dtype)
+    diagonal = joint_gain[..., None] * jnp.eye(3, dtype=load.dtype)[None]
     legs = terms.legs + dt * (diagonal + matmul(from_leg, through_leg))
     trunk_rhs = jnp.sum(matvec(from_trunk, force), axis=0) - terms.trunk_bias
     leg_rhs = load + matvec(from_leg, force) - terms.leg_bias

@@ -26,7 +26,7 @@ def interpolate(reference: Reference, steps: int) -> Tracking:
     step, interval = jnp.arange(steps, dtype=dtype), jnp.diff(reference.time)
 
     def between(values, share):
-        share = share[:, None, None]
+        share = share[None, :, None, None]
         return (values[:-1, None] * (1.0 - share) + values[1:, None] * share).reshape(-1, 4, 3)
 
     return Tracking(
@@ -38,7 +38,7 @@ def interpolate(reference: Reference, steps: int) -> Tracking:
 
 
 def _hermite(reference, interval, share):
-    s = share[:, None, None]
+    s = share[None, :, None, None]
     start, end = reference.joint_pos[:-1, None], reference.joint_pos[1:, None]
     rise, fall = reference.joint_vel[:-1, None] * interval, reference.joint_vel[1:, None] * interval
     blend = s * s * (3.0 - 2.0 * s)

@@ -97,7 +97,7 @@ def _advance(machine: Machine, step: Step, profile: Profile, carry: Carry) -> Ca
         swing.time + (share - arc.begin) * period(arc),
         jnp.maximum(swing.jump, jump),
         after.adjustments,
-        swing.collisions + (touch.hit & ~deaf & (after.mode != Mode.SUPPORTED)),
+        swing.collisions + (touch.hit & ~deaf & (after.mode != Mode.SUPPORTED)).astype(jnp.int32),
         swing.segments + 1,
         swing.lost | touch.lost,
         swing.struck | (deaf & touch.hit),

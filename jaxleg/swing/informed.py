@@ -68,7 +68,7 @@ def begin_informed(machine: Machine, planner: Planner, step: Step, local: LocalM
     swing = no_swing(step, status_on_map(machine, step, local))
     mode = jnp.where(swing.exit == Mode.STALLED, Mode.STALLED, jnp.where(route.found, Mode.ROUTE, Mode.INITIAL))
     state = begin(step)._replace(mode=mode.astype(jnp.int32))
-    informed = Informed(swing, zero + 1, zero + ~route.found, route.found)
+    informed = Informed(swing, zero + 1, (~route.found).astype(jnp.int32), route.found)
     return Course(state, local, route, informed)
 
 
@@ -90,12 +90,13 @@ def informed_segment(machine: Machine, planner: Planner, step: Step, profile: Pr
         length=swing.length + length,
         time=swing.time + time,
         adjustments=after.adjustments,
-        collisions=swing.collisions + (sensed.contact & (mode != Mode.SUPPORTED)),
+        collisions=swing.collisions + (sensed.contact & (mode != Mode.SUPPORTED)).astype(jnp.int32),
         segments=swing.segments + 1,
         lost=swing.lost | lost,
         struck=swing.struck | struck,
     )
-    informed = informed._replace(swing=swing, plans=informed.plans + asks, unplanned=informed.unplanned + (asks & ~route.found))
+    asked, unplanned = asks.astype(jnp.int32), (asks & ~route.found).astype(jnp.int32)
+    informed = informed._replace(swing=swing, plans=informed.plans + asked, unplanned=informed.unplanned + unplanned)
     return Course(after._replace(mode=mode), local, route, informed)
 
 

@@ -68,7 +68,7 @@ def with_felt_error(local: LocalMap, at: Float[Array, "2"], reach: Float[ArrayLi
 
 def widened(local: LocalMap, distance: Float[ArrayLike, ""], window: int) -> Float[Array, "point"]:
     """Least height at each point that keeps `distance` from the map's points, at most `window` of them to either side."""
-    offset = jnp.arange(-window, window + 1) * local.spacing
+    offset = jnp.arange(-window, window + 1, dtype=local.spacing.dtype) * local.spacing
     rise = distance**2 - offset**2
     lift = jnp.where(rise >= 0.0, jnp.sqrt(jnp.maximum(rise, 0.0)), -jnp.inf)
     near = jnp.pad(local.ground, window, constant_values=-jnp.inf)

@@ -8,7 +8,6 @@ asks for. Both are plain functions of arrays; `swing/blind.py` drives them segme
 """
 
 import dataclasses
-import enum
 from typing import NamedTuple
 
 import jax
@@ -16,10 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxleg.numerics import Code
 from jaxleg.swing.arc import Arc
 
 
-class Mode(enum.IntEnum):
+class Mode(Code):
     """What the leg is doing; the last three are exits."""
 
     INITIAL = 0  # (3): whole cycloid to the target
@@ -172,10 +172,10 @@ def transition(machine: Machine, step: Step, state: State, sensed: Sensed) -> St
     lands = inside & contact & ~steep & ~returning
     demanded = state.adjustments + 1
     case = jnp.where(inside, jnp.where(contact, Mode.CORNER, Mode.DOWN), jnp.where(steep, Mode.BACK, Mode.OVER))
-    probed = jnp.isin(state.mode, jnp.array([Mode.ACROSS, Mode.PROBE]))
+    probed = (state.mode == Mode.ACROSS) | (state.mode == Mode.PROBE)
     case, station = _extended(machine, state, sensed, inside, steep, probed, case)
     case = jnp.where(inside | contact, case, Mode.STALLED)  # a path that ended outside of En without a contact
-    case = jnp.where(demanded > machine.limit, Mode.RETURN_UP, case)
+    case = jnp.where(demanded.astype(machine.limit.dtype) > machine.limit, Mode.RETURN_UP, case)
     mode = jnp.where(lands, Mode.SUPPORTED, jnp.where(moves_on, follow, case))
     adjusts = ~(lands | moves_on | (case == Mode.RETURN_UP))
     return State(
@@ -199,7 +199,7 @@ def _follow(machine: Machine, mode):
         Mode.RETURN_ACROSS: Mode.RETURN_DOWN,
         Mode.RETURN_DOWN: Mode.RETURNED,
     }
-    then = jnp.array([follow.get(m, -1) for m in Mode])[mode]
+    then = jnp.array([follow.get(m, -1) for m in Mode], jnp.int32)[mode]
     return jnp.where(machine.probing & (mode == Mode.RETURN_UP), Mode.RETURN_ACROSS, then)
 
 

@@ -72,9 +72,9 @@ def bounds_between(
 
 def _steepest(profile: Profile):
     """Greatest |dT/dx| of each piece: at its knots or where its slope turns."""
-    b, c, d = (profile.coefficients[:, k] for k in (1, 2, 3))
+    b, c, d = (profile.coefficients[None, :, k] for k in (1, 2, 3))
     turn = jnp.clip(-c / jnp.where(d == 0.0, 1.0, 3.0 * d), 0.0, 1.0)
-    places = jnp.stack([jnp.zeros_like(turn), turn, jnp.ones_like(turn)])
+    places = jnp.concatenate([jnp.zeros_like(turn), turn, jnp.ones_like(turn)])
     return jnp.max(jnp.abs(b + places * (2.0 * c + places * 3.0 * d)), axis=0) / profile.spacing
 
 
@@ -94,4 +94,4 @@ def _index(profile, x):
 def _piece(profile: Profile, x):
     index, place = _index(profile, x)
     a, b, c, d = jnp.moveaxis(profile.coefficients[index], -1, 0)
-    return a, b, c, d, place - index
+    return a, b, c, d, place - index.astype(place.dtype)

@@ -57,8 +57,8 @@ def follow(route: Route, profile: Profile) -> Stop:
 
 def corners_to(route: Route, stop: Stop, count: int) -> Float[Array, "count 2"]:
     """So many points of a route up to where the foot stopped, evenly spaced along it."""
-    index = jnp.arange(route.corner.shape[0])[:, None]
+    index = jnp.arange(route.corner.shape[0], dtype=stop.cell.dtype)[:, None]
     corner = jnp.where(index <= stop.cell, route.corner, stop.point)
-    along = jnp.concatenate([jnp.zeros(1), jnp.cumsum(norm_safe(jnp.diff(corner, axis=0)))])
+    along = jnp.concatenate([jnp.zeros(1, corner.dtype), jnp.cumsum(norm_safe(jnp.diff(corner, axis=0)))])
     at = jnp.linspace(0.0, 1.0, count) * along[-1]
     return jnp.stack([jnp.interp(at, along, corner[:, 0]), jnp.interp(at, along, corner[:, 1])], axis=-1)

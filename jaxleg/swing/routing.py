@@ -98,8 +98,8 @@ def clearance_of(view: View, point: Float[Array, "2"]) -> Float[Array, ""]:
     index = jnp.clip(index, 0, view.x.shape[0] - 2 * WINDOW - 2)
     corner = jax.lax.dynamic_slice_in_dim(jnp.stack([view.x, view.ground], -1), index, 2 * WINDOW + 2)
     start, way = corner[:-1], jnp.diff(corner, axis=0)
-    share = jnp.clip(jnp.sum((point - start) * way, -1) / jnp.sum(way**2, -1), 0.0, 1.0)
-    distance = jnp.min(norm_safe(point - start - share[:, None] * way))
+    share = jnp.clip(jnp.sum((point[None] - start) * way, -1) / jnp.sum(way**2, -1), 0.0, 1.0)
+    distance = jnp.min(norm_safe(point[None] - start - share[:, None] * way))
     ground = jnp.where(point[1] >= jnp.interp(point[0], corner[:, 0], corner[:, 1]), distance, -distance)
     return jnp.minimum(ground, _from_block(view.block, point))
 
@@ -119,7 +119,7 @@ def _hull(view):
     steep = jnp.where(before, (z[None, :] - z[:, None]) * inverse, jnp.inf)
     begin = (z - z[view.first]) / jnp.where(index > view.first, view.x - view.x[view.first], 1.0)
     least = jnp.min(steep, axis=0)
-    nearest = jnp.max(jnp.where(steep == least, index[:, None], 0), axis=0)  # argmin is several times slower here
+    nearest = jnp.max(jnp.where(steep == least[None], index[:, None], 0), axis=0)  # argmin is several times slower here
     parent = jnp.where(least < begin, nearest, view.first)
     edge = jnp.hypot(view.x - view.x[parent], z - z[parent])
 

@@ -1,11 +1,10 @@
 """Whether a step can be asked for at all: a status a lane inside, one clear sentence at the edge."""
 
-import enum
-
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jaxleg.numerics import Code
 from jaxleg.swing.localmap import LocalMap, points
 from jaxleg.swing.machine import Machine, Step
 from jaxleg.swing.profile import Profile
@@ -13,7 +12,7 @@ from jaxleg.swing.profile import Profile
 SUNK = 1e-3  # so far under the ground a start still counts as on it
 
 
-class StepStatus(enum.IntEnum):
+class StepStatus(Code):
     """Why a step cannot be swung; the first that holds."""
 
     OK = 0

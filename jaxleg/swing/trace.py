@@ -78,7 +78,7 @@ def _informed(machine, planner, step, profile, local, segments):
 def _share(arc, end):
     """Share of the period at which an arc comes nearest to a point."""
     share = arc.begin + (arc.end - arc.begin) * jnp.linspace(0.0, 1.0, 2001)
-    return share[jnp.argmin(jnp.sum((point_at(arc, share) - end) ** 2, axis=-1))]
+    return share[jnp.argmin(jnp.sum((point_at(arc, share) - end[None]) ** 2, axis=-1))]
 
 
 def _kept(mode: Array, point: Array, hit: Array, ground: Array | None) -> Trace:

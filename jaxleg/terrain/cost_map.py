@@ -110,6 +110,7 @@ def combined(
     body: Float[Array, "nx ny"], feet: Float[Array, "heading nx ny"], share: Float[ArrayLike, ""]
 ) -> Float[Array, "heading nx ny"]:
     """share * body + (1 - share) * feet where both are finite, else infinite. Paper C, (16)."""
+    body = body[None]
     possible = jnp.isfinite(body) & jnp.isfinite(feet)
     total = share * jnp.where(possible, body, 0.0) + (1.0 - share) * jnp.where(possible, feet, 0.0)
     return jnp.where(possible, total, jnp.inf)

@@ -85,7 +85,7 @@ def foothold_scores(
     away = 0.5 - 0.5 * jnp.array(LEG_END, features.slope.dtype)[leg] * uphill(features.normal, heading) / rise
     scores = jnp.stack([features.curvature / curvature, features.slope / slope, bump, away], axis=1)
     scores = scores.reshape(len(FEATURES), *features.seen.shape)
-    return jnp.where(features.seen & jnp.isnan(scores), 1.0, jnp.clip(scores, 0.0, 1.0))
+    return jnp.where(features.seen[None] & jnp.isnan(scores), 1.0, jnp.clip(scores, 0.0, 1.0))
 
 
 def foothold_cost(
@@ -110,7 +110,7 @@ def feet_cost(
     """
 
     def cost(leg, turn):
-        return foothold_cost(features, weights, leg, 0.25 * jnp.pi * turn)
+        return foothold_cost(features, weights, leg, 0.25 * jnp.pi * turn.astype(features.slope.dtype))
 
     return jnp.mean(window_means(cost, resolution, settings), axis=1)
 
@@ -147,7 +147,7 @@ def _mean(padded, corners, used, shape):
     def visit(total, corner_and_used):
         cost = jax.lax.dynamic_slice(padded, corner_and_used[0], shape)
         here = jnp.isfinite(cost) & corner_and_used[1]
-        return (total[0] + here, total[1] + jnp.where(here, cost, 0.0)), None
+        return (total[0] + here.astype(cost.dtype), total[1] + jnp.where(here, cost, 0.0)), None
 
     zeros = jnp.zeros(shape, padded.dtype)
     (count, total), _ = jax.lax.scan(visit, (zeros, zeros), (corners, used))

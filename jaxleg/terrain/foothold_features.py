@@ -73,7 +73,7 @@ def _covariance(elevation, resolution: float, radii: tuple[float, ...]):
 
     def point(offset, heights):
         """Place relative to the foothold [cells], and 1 for a seen cell inside the sphere."""
-        z = (heights - elevation) / resolution  # the difference first: heights may be great
+        z = (heights - elevation)[None] / resolution  # the difference first: heights may be great
         inside = jnp.sum(offset**2) + z * z <= limit  # false for NaN
         return (*offset, jnp.where(inside, z, 0.0)), inside.astype(elevation.dtype)
 
@@ -100,14 +100,14 @@ def _concavity(elevation, resolution: float, radius: float, normal):
     """Mean angle [rad] between the normal and the ways to the seen ones of 8 points on the surface, on a circle."""
     turns = 2.0 * math.pi / AROUND * np.arange(AROUND)
     ways = radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    rise = jnp.stack([_rise(elevation, *(way / resolution)) for way in ways], axis=-1)
+    rise = jnp.stack([_rise(elevation, *(way / resolution).tolist()) for way in ways], axis=-1)
     seen = ~jnp.isnan(rise)
     rise = jnp.where(seen, rise, 0.0)[..., None]
     ways = jnp.concatenate([jnp.broadcast_to(jnp.asarray(ways, rise.dtype), (*rise.shape[:-1], 2)), rise], axis=-1)
     normal = jnp.broadcast_to(normal[..., None, :], ways.shape)
     angle = jnp.arctan2(norm_safe(cross(normal, ways)), dot(normal, ways))  # not acos: it has no slope at its ends
-    count = jnp.sum(seen, axis=-1)
-    return jnp.where(count > 0, jnp.sum(jnp.where(seen, angle, 0.0), axis=-1) / jnp.maximum(count, 1), jnp.nan)
+    count = jnp.sum(seen, axis=-1, dtype=angle.dtype)
+    return jnp.where(count > 0.0, jnp.sum(jnp.where(seen, angle, 0.0), axis=-1) / jnp.maximum(count, 1.0), jnp.nan)
 
 
 def _rise(elevation, ahead: float, aside: float):

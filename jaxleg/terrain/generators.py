@@ -29,9 +29,9 @@ class Grid:
 
     def points(self) -> Float[Array, "nx ny 2"]:
         """World xy of every cell's centre [m]."""
-        x = self.origin[0] + self.resolution * jnp.arange(self.nx)
-        y = self.origin[1] + self.resolution * jnp.arange(self.ny)
-        return jnp.stack(jnp.meshgrid(x, y, indexing="ij"), axis=-1).astype(float)
+        x = self.origin[0] + self.resolution * jnp.arange(self.nx, dtype=float)
+        y = self.origin[1] + self.resolution * jnp.arange(self.ny, dtype=float)
+        return jnp.stack(jnp.meshgrid(x, y, indexing="ij"), axis=-1)
 
     def map(self, elevation: Float[Array, "nx ny"]) -> HeightMap:
         """A `HeightMap` of this grid."""
@@ -81,11 +81,11 @@ def rough(grid: Grid, key: Array, amplitude: Float[ArrayLike, ""], correlation_l
     one point. The ground at a point does not depend on the grid.
     """
     key_wave, key_phase = jax.random.split(key)
-    waves = jax.random.truncated_normal(key_wave, -2.5, 2.5, (WAVES, 2), float) / correlation_length
+    waves = jax.random.truncated_normal(key_wave, -2.5, 2.5, (WAVES, 2), float)[None, None] / correlation_length
     phases = jax.random.uniform(key_phase, (WAVES,), float, 0.0, 2.0 * jnp.pi)
     points = grid.points()[:, :, None]
     # not a matrix product: accelerators may round its factors, and the same key must give the same ground
-    angle = points[..., 0] * waves[:, 0] + points[..., 1] * waves[:, 1] + phases
+    angle = points[..., 0] * waves[..., 0] + points[..., 1] * waves[..., 1] + phases[None, None]
     return grid.map(0.5 * amplitude * jnp.sqrt(2.0 / WAVES) * jnp.sum(jnp.cos(angle), axis=-1))
 
 
@@ -95,7 +95,7 @@ def cuboids(grid: Grid, key: Array, side: Float[ArrayLike, ""], height: Float[Ar
     The lattice begins at a random place. The ground at a point does not depend on the grid.
     """
     key_place, key_top = jax.random.split(key)
-    cell = jnp.floor(grid.points() / side + jax.random.uniform(key_place, (2,), float)).astype(jnp.int32)
+    cell = jnp.floor(grid.points() / side + jax.random.uniform(key_place, (2,), float)[None, None]).astype(jnp.int32)
 
     def top(cell):
         of_cell = jax.random.fold_in(jax.random.fold_in(key_top, cell[0]), cell[1])
@@ -111,7 +111,7 @@ def fractal(grid: Grid, key: Array, deviation: Float[ArrayLike, ""], longest: Fl
     Mean 0 and standard deviation `deviation` [m] are those over many keys at one point. As `rough`, free of the grid.
     """
     key_turn, key_wave, key_phase = jax.random.split(key, 3)
-    octave = jnp.repeat(jnp.arange(OCTAVES), WAVES_AN_OCTAVE).astype(float)
+    octave = jnp.repeat(jnp.arange(OCTAVES, dtype=float), WAVES_AN_OCTAVE)
     turn = jax.random.uniform(key_turn, octave.shape, float, 0.0, 2.0 * jnp.pi)
     length = longest * 2.0 ** -(octave + jax.random.uniform(key_wave, octave.shape, float))
     phase = jax.random.uniform(key_phase, octave.shape, float, 0.0, 2.0 * jnp.pi)

@@ -46,12 +46,12 @@ def height_and_gradient(terrain: HeightMap, xy: Float[Array, "2"]) -> tuple[Floa
     NaN, both, where one of the twelve cells that the patch depends on (four corners and their neighbours) is unseen.
     Raises TypeError for a map smaller than 4 x 4 cells.
     """
-    last = jnp.array(terrain.elevation.shape) - 1
+    last = jnp.array(terrain.elevation.shape, jnp.int32) - 1
     place = jnp.clip((xy - terrain.origin) / terrain.resolution, 0.0, last.astype(xy.dtype))
     cell = jnp.minimum(jax.lax.stop_gradient(place).astype(jnp.int32), last - 1)
     controls = _controls(_patch(terrain.elevation, cell, last))
-    weight, rate = _basis(place - cell)
-    ahead = jnp.sum(jnp.stack([weight[:, 0], rate[:, 0]])[:, :, None] * controls, axis=1)
+    weight, rate = _basis(place - cell.astype(place.dtype))
+    ahead = jnp.sum(jnp.stack([weight[:, 0], rate[:, 0]])[:, :, None] * controls[None], axis=1)
     gradient = jnp.stack([jnp.sum(ahead[1] * weight[:, 1]), jnp.sum(ahead[0] * rate[:, 1])])
     return jnp.sum(ahead[0] * weight[:, 1]), gradient / terrain.resolution
 
@@ -65,7 +65,7 @@ def _patch(elevation, cell, last) -> Float[Array, "4 4"]:
 
 def _continued(patch: Float[Array, "4 4"], lag: Int[Array, ""]) -> Float[Array, "4 4"]:
     """Rows moved by lag (-1, 0, 1), the outermost doubled. Selects, because gathers and concatenations are slower here."""
-    row = jnp.clip(jnp.arange(4) + lag, 0, 3)[:, None]
+    row = jnp.clip(jnp.arange(4, dtype=lag.dtype) + lag, 0, 3)[:, None]
     last = jnp.where(row == 2, patch[2], patch[3])
     return jnp.where(row == 0, patch[0], jnp.where(row == 1, patch[1], last))
 
@@ -101,7 +101,7 @@ def _basis(u: Float[Array, "axis"]) -> tuple[Float[Array, "4 axis"], Float[Array
 
 def nearest_height(terrain: HeightMap, xy: Float[Array, "2"]) -> Float[Array, ""]:
     """Elevation [m] of the cell whose centre is nearest to xy in W: a coarse, cheap look without a gradient."""
-    size = jnp.array(terrain.elevation.shape)
+    size = jnp.array(terrain.elevation.shape, jnp.int32)
     cell = jnp.round((xy - terrain.origin) / terrain.resolution).astype(jnp.int32)
     cell = jnp.clip(cell, 0, size - 1)
     return terrain.elevation[cell[0], cell[1]]

@@ -73,7 +73,7 @@ def _chains(robot, angles, position, quaternion):
     frames = all_leg_frames(robot, angles)
     points = jnp.concatenate([frames.origin, frames.foot[:, None]], axis=1) + robot.hip_position[:, None]
     rotation = rotation_from_quaternion(quaternion)
-    return position + matvec(rotation, points), position + matvec(rotation, centre_of_mass(robot, frames))
+    return position[None, None] + matvec(rotation, points), position + matvec(rotation, centre_of_mass(robot, frames))
 
 
 def _extent(walk: Walk, posture: Posture) -> tuple[np.ndarray, np.ndarray]:

@@ -169,7 +169,7 @@ def test_paper_figure_7_finds_the_cell_and_then_the_longer_rectangle():
 
 def test_twelve_footholds_in_one_call_are_three_stances():
     ground = site(np.random.default_rng(3).random((80, 50)) < 0.6)
-    nominal = jnp.asarray(NOMINAL - 0.2) + 0.2 * jnp.arange(3)[:, None, None] * jnp.array([1.0, 0.0])
+    nominal = jnp.asarray(NOMINAL - 0.2)[None] + 0.2 * jnp.arange(3.0)[:, None, None] * jnp.array([[[1.0, 0.0]]])
     plan = plan_footholds(nominal, rectangle(), ANYWHERE, ground, EXTENT)
     for k in range(3):
         np.testing.assert_array_equal(plan.offset[k], chosen(nominal[k], ground, rectangle()).offset)

@@ -72,7 +72,7 @@ def special_maps(cost, start, goal):
 @jax.vmap
 def solve(cost, start, goal, mu, resolution):
     weights = PathWeights(1.0 - mu, mu)
-    inside = jnp.clip(goal, 0, jnp.array(SHAPE) - 1)
+    inside = jnp.clip(goal, 0, jnp.array(SHAPE, goal.dtype) - 1)
     value = cost_to_go(move_costs(cost, weights, resolution), inside)
     return find_path(cost, start, goal, weights, resolution, LONGEST), value, heuristic(SHAPE, inside, weights, resolution)
 
@@ -192,7 +192,7 @@ def test_more_weight_on_cost_takes_longer_ways_over_cheaper_ground(maps):
 
 # Gradients, on one small map.
 
-SMALL, GOAL, START, SIZE = (9, 7), jnp.array([7, 5]), (1, 1), jnp.array([0.1, 0.15])
+SMALL, GOAL, START, SIZE = (9, 7), jnp.array([7, 5], jnp.int32), (1, 1), jnp.array([0.1, 0.15])
 WEIGHTS = PathWeights(jnp.array(0.4), jnp.array(0.6))
 
 
@@ -243,7 +243,7 @@ def test_gradients_are_central_differences(moves):
     def values(moves):
         return soft_cost_to_go(moves, GOAL, 0.05)[START], cost_to_go(moves, GOAL)[START]
 
-    (soft_up, up), (soft_down, down) = values(moves + bump), values(moves - bump)
+    (soft_up, up), (soft_down, down) = values(moves[None] + bump), values(moves[None] - bump)
     slopes = soft(moves, 0.05)[1], at_start(cost_to_go)(moves)[1]
     for slope, difference in zip(slopes, (soft_up - soft_down, up - down)):
         assert_allclose(np.asarray(slope)[tuple(chosen.T)], difference / 2e-5, atol=1e-6)
@@ -267,7 +267,7 @@ def test_gradients_reach_costs_and_weights(cost):
     """The cost of a path by the weights: its way and its costs; by the cost of a cell: mu_2 where it is entered."""
 
     def total(cost, weights):
-        found = find_path(cost, jnp.array(START), GOAL, weights, SIZE, 40)
+        found = find_path(cost, jnp.array(START, jnp.int32), GOAL, weights, SIZE, 40)
         return found.cost, found
 
     (_, found), (by_cost, by_weight) = jax.jit(jax.value_and_grad(total, (0, 1), has_aux=True))(cost, WEIGHTS)
@@ -275,7 +275,7 @@ def test_gradients_reach_costs_and_weights(cost):
     expected = np.zeros(cost.shape)
     expected[heading, onto[:, 0], onto[:, 1]] = 0.6
     assert_allclose(by_cost, expected, atol=1e-12)
-    assert_allclose(by_weight.distance, np.hypot(*(STEPS[heading] * SIZE).T).sum())
+    assert_allclose(by_weight.distance, np.hypot(*(STEPS[heading] * np.asarray(SIZE)).T).sum())
     assert_allclose(by_weight.cost, np.asarray(cost)[heading, onto[:, 0], onto[:, 1]].sum())
 
 
@@ -288,7 +288,8 @@ def test_lanes_may_share_a_map_or_a_goal(moves):
 
 def test_ends_that_are_nowhere_are_blocked():
     """Off the map by a million cells, as `nearest_cell` has what is not a number."""
-    cost, here, nowhere = jnp.full((8, *SHAPE), 0.5), jnp.array([3, 4]), jnp.array([-(2**20), 4])
+    cost = jnp.full((8, *SHAPE), 0.5)
+    here, nowhere = jnp.array([3, 4], jnp.int32), jnp.array([-(2**20), 4], jnp.int32)
     weights = PathWeights(jnp.asarray(0.4), jnp.asarray(0.6))
     run = jax.jit(lambda a, b: find_path(cost, a, b, weights, jnp.array([0.1, 0.1]), LONGEST).status)
     assert [run(here, here), run(nowhere, here), run(here, nowhere)] == [
@@ -299,6 +300,6 @@ def test_ends_that_are_nowhere_are_blocked():
 
 
 def test_weights_that_are_not_finite_give_no_path():
-    cost, ends = jnp.full((8, *SHAPE), 0.5), (jnp.array([3, 4]), jnp.array([9, 9]))
+    cost, ends = jnp.full((8, *SHAPE), 0.5), (jnp.array([3, 4], jnp.int32), jnp.array([9, 9], jnp.int32))
     weights = PathWeights(jnp.asarray(jnp.nan), jnp.asarray(0.6))
     assert find_path(cost, *ends, weights, jnp.array([0.1, 0.1]), LONGEST).status != PathStatus.OK

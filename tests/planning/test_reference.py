@@ -27,7 +27,7 @@ def planned(walk_on, pegasus):
 def test_feet_are_where_the_plan_puts_them(planned, pegasus):
     _, track = planned
     forward = jax.vmap(jax.vmap(foot_position), in_axes=(None, None, 0))
-    in_trunk = forward(pegasus.joint_axis, pegasus.link_offset, track.joint_pos) + pegasus.hip_position
+    in_trunk = forward(pegasus.joint_axis, pegasus.link_offset, track.joint_pos) + pegasus.hip_position[None]
     pitch = 2.0 * np.arctan2(-track.trunk_quat[:, 2], track.trunk_quat[:, 0])
     c, s = np.cos(pitch)[:, None], np.sin(pitch)[:, None]
     x = c * in_trunk[..., 0] - s * in_trunk[..., 2]

@@ -72,7 +72,7 @@ def test_looking_up_a_reference_interpolates_its_samples(pegasus):
     """A cubic motion of the joints is met exactly, everything else linearly."""
     time = jnp.array([0.0, 0.1, 0.25, 0.3])
     rates = jax.random.normal(jax.random.key(1), (4, 3))
-    pos, vel = time[:, None, None] ** 3 * rates, 3.0 * time[:, None, None] ** 2 * rates
+    pos, vel = time[:, None, None] ** 3 * rates[None], 3.0 * time[:, None, None] ** 2 * rates[None]
     rest = [jnp.outer(time, jnp.arange(1.0, n + 1.0)) for n in (12, 3, 4, 6, 12, 4)]
     shapes = [(4, 3), (3,), (4,), (6,), (4, 3), (4,)]
     torque, trunk, quat, trunk_vel, feet, contact = (x.reshape(4, *s) for x, s in zip(rest, shapes))

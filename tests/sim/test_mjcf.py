@@ -70,7 +70,7 @@ def test_a_robot_without_hip_links_compiles_with_feet_where_kinematics_has_them(
     model = mujoco.MjModel.from_xml_string(robot_mjcf(plain))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    assert_allclose(data.site_xpos, pegasus.hip_position - np.array([0.0, 0.0, 0.6]), atol=1e-12)
+    assert_allclose(data.site_xpos, pegasus.hip_position - np.array([[0.0, 0.0, 0.6]]), atol=1e-12)
 
 
 def test_numbers_survive_the_text(pegasus, model):

@@ -62,7 +62,7 @@ def test_only_steps_that_were_made_are_judged(pegasus, monkeypatch, reached, wor
         zero = read(no_tally(float), jnp.array(True))
         feet = jnp.zeros((3, 4, 3)).at[:, :, 0].set(jnp.array([0.01, 0.04, 0.09])[:, None])
         ended = jnp.asarray(reached)
-        return Followed(zero, feet + file.reference.foot_pos[0], jnp.zeros((3, 7)), ended, ended == 12), jnp.zeros((2, 19))
+        return Followed(zero, feet + file.reference.foot_pos[:1], jnp.zeros((3, 7)), ended, ended == 12), jnp.zeros((2, 19))
 
     monkeypatch.setattr(replay_module, "film", film)
     result, _ = replay_mjx(file, 0.1)

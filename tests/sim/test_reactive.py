@@ -36,7 +36,7 @@ def walked(pegasus):
     true = flat(Grid(80, 40, 0.04, (-1.2, -0.8)))
 
     def lane(error):
-        x = true.origin[0] + true.resolution * jnp.arange(80)
+        x = true.origin[0] + true.resolution * jnp.arange(80.0)
         believed = dataclasses.replace(true, elevation=true.elevation + jnp.where(x > 0.36, error, 0.0)[:, None])
         choice = no_choice(1, jnp.asarray(0.0).dtype)
         walk = crawl(pegasus, params, settings, believed, choice.offset, choice.status)
@@ -85,7 +85,7 @@ def test_a_swing_moves_only_its_own_foot(walked):
 def test_the_bounds_of_a_swing_are_the_shell_that_the_leg_reaches(pegasus):
     """Just within the bounds inverse kinematics has an answer with the knee bent as asked; just beyond it has not."""
     hip = jnp.array([0.1, 0.05, 0.5])
-    place = hip[:2] + jnp.array([[0.0, 0.08], [0.2, 0.08], [-0.15, 0.12]])
+    place = hip[None, :2] + jnp.array([[0.0, 0.08], [0.2, 0.08], [-0.15, 0.12]])
     bounds = swing_bounds(pegasus, hip, place, 0.0, 3.0)
 
     def reach(xy, z):

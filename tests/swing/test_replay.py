@@ -43,7 +43,7 @@ def test_forward_reverse_and_central_differences_agree():
 
     nudge = 1e-5 * np.eye(len(vector))
     along = jax.jit(jax.vmap(lambda x: jax.vmap(lambda h, c: length(x, h, c))(heights, courses)))
-    held = (along(vector + nudge) - along(vector - nudge)).T / 2e-5
+    held = (along(vector[None] + nudge) - along(vector[None] - nudge)).T / 2e-5
     np.testing.assert_allclose(forward, held, rtol=1e-6, atol=1e-6)
 
     checked, step = 0, 1e-4  # and the exact machine, whose contacts are good to 1e-7, as long as its branches stay
@@ -55,7 +55,7 @@ def test_forward_reverse_and_central_differences_agree():
             fixed &= np.all((moved.mode == courses.mode) & (moved.hit == courses.hit), axis=1)
         difference = (up.length - down.length) / (2 * step)
         np.testing.assert_allclose(forward[fixed, k], difference[fixed], rtol=2e-3, atol=2e-2)
-        checked += np.sum(fixed)
+        checked += int(np.sum(fixed))
     assert checked > 0.9 * LANES * len(vector)
     assert np.all(now.exit != Mode.STALLED)
 

@@ -28,6 +28,7 @@ def costs(windows):
     def compute(elevation, weights):
         terrain = HeightMap(elevation, jnp.zeros(2, elevation.dtype), jnp.array(SIZE, elevation.dtype))
         footholds = foothold_features(terrain, SIZE, windows.foothold)
+        weights = jax.tree.map(lambda x: jnp.asarray(x, elevation.dtype), weights)
         return footholds, total_cost(terrain, footholds, SIZE, windows, weights)
 
     return compute

@@ -53,7 +53,7 @@ def test_gradient_is_autodiff_and_central_difference():
     for differentiate in (jax.jacrev, jax.jacfwd):
         automatic = jax.jit(jax.vmap(differentiate(height, argnums=1), in_axes=(None, 0)))(terrain, points)
         assert_allclose(automatic, gradient, atol=1e-10)
-    ends = [SAMPLE(terrain, points + side * step * np.eye(2)[axis])[0] for axis in (0, 1) for side in (-1, 1)]
+    ends = [SAMPLE(terrain, points + side * step * np.eye(2)[None, axis])[0] for axis in (0, 1) for side in (-1, 1)]
     central = np.stack([ends[1] - ends[0], ends[3] - ends[2]], -1) / (2 * step)
     assert_allclose(gradient, central, atol=1e-5)
 

@@ -21,7 +21,7 @@ def test_panels(shape, monkeypatch, tmp_path):
     elevation[2, 1] = np.nan
     terrain = HeightMap(jnp.asarray(elevation), jnp.array([1.0, -1.0]), jnp.array(0.1))
     body = jnp.asarray(np.random.default_rng(0).uniform(size=shape)).at[3, 3].set(jnp.inf)
-    total = body * jnp.linspace(0.1, 1.0, 8)[:, None, None]
+    total = body[None] * jnp.linspace(0.1, 1.0, 8)[:, None, None]
     features = BodyFeatures(*(jnp.full(shape, jnp.nan),) * 3, seen=jnp.zeros(shape))
     cost_maps(
         terrain, features, CostMap(total, body, total), 3, tmp_path / "new" / "map.png", [("near", WAY), ("far", WAY + 0.1)]
