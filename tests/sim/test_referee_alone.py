@@ -114,6 +114,18 @@ def test_a_robot_that_has_settled_stands_on_its_touch_sensors_with_its_weight(by
     assert np.ptp(by_hand.q[100:149, 7:], axis=0).max() < 1e-3  # held in the first pose
 
 
+def test_a_walk_that_begins_in_motion_is_settled_at_rest_in_its_first_pose(pegasus, track):
+    """Its first velocities would hold the joints off their angles by kd v / kp."""
+    late = Reference(*(np.asarray(x)[4:] for x in track))._replace(time=np.asarray(track.time)[4:] - float(track.time[4]))
+    walked = step_by_hand(pegasus, late)
+    off = walked.q[145, 7:] - late.joint_pos[0].ravel()
+    assert np.abs(off).max() < 4e-3 < 0.2 * np.abs(80.0 / 3000.0 * late.joint_vel[0]).max()
+    verdict, steps = replay(pegasus, [TERRAIN], [late], FRICTION)[0], steps_from(late, 0)
+    power = walked.torque * 0.5 * (walked.v[:, 6:] + walked.later_v[:, 6:])
+    np.testing.assert_allclose(verdict.mechanical_positive, STEP * np.maximum(power, 0.0)[steps].sum(), rtol=0.02)
+    np.testing.assert_allclose(verdict.joule, STEP * ((walked.torque / (0.217 * 44.5)) ** 2 * 2.28)[steps].sum(), rtol=0.02)
+
+
 def test_motors_are_controllers_with_their_gains_and_limits(pegasus):
     rng = np.random.default_rng(0)
     numbers = {"stiffness": 100.0, "velocity_gain": 10.0, "torque_limit": 50.0}
@@ -173,6 +185,7 @@ def test_with_feedback_a_robot_that_stands_is_measured_as_statics_has_it(pegasus
     body = bodies(np.concatenate([np.asarray(x)[0].ravel() for x in (track.trunk_pos, track.trunk_quat, track.joint_pos)]))
     sides = ConvexHull(FEET).equations
     np.testing.assert_allclose(judged.margin[0], np.min(-sides[:, :2] @ body.com[:2] - sides[:, 2]), atol=2e-3)
+    np.testing.assert_allclose(judged.shots[0, 0, :3], track.trunk_pos[0], atol=1e-4)  # the plan's torques hold it
     assert abs(judged.mechanical[0]) < 1e-2
     assert judged.slip[0] < 1e-4
 
