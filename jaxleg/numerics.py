@@ -19,7 +19,7 @@ Tree = TypeVar("Tree")
 
 
 class Code(enum.IntEnum):
-    """A code that int32 arrays hold. As a plain `IntEnum` a member would be an int64 to JAX, not a number without a width."""
+    """A code held by int32 arrays. JAX takes a member of a plain `IntEnum` for an int64; these take the array's width."""
 
     def __jax_array__(self) -> Array:
         return jnp.asarray(int(self))
@@ -27,7 +27,7 @@ class Code(enum.IntEnum):
 
 @contextlib.contextmanager
 def foreign() -> Generator[None, None, None]:
-    """Round calls of others' code (MJX, optax), which promotes ranks and dtypes silently as it likes; ours says it."""
+    """Context for others' code (MJX, optax), which promotes ranks and dtypes silently as it likes; ours says what it does."""
     with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
         yield
 
