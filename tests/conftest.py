@@ -19,3 +19,11 @@ jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 @pytest.fixture(scope="session")
 def pegasus():
     return load_robot(Path(__file__).parents[1] / "configs/robots/pegasus.toml")
+
+
+LONGEST = ("test_search.py", "test_rollout_gradient.py")
+
+
+def pytest_collection_modifyitems(items):
+    """Files that compile longest go first, so that all workers end at about the same time."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
