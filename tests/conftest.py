@@ -14,6 +14,7 @@ if "JAX_NUM_CPU_DEVICES" not in os.environ:
 _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jaxleg"
 jax.config.update("jax_compilation_cache_dir", os.environ.get("JAXLEG_CACHE") or str(_CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+jax.config.update("jax_disable_most_optimizations", True)  # most programs of the tests run for less time than they compile
 
 
 @pytest.fixture(scope="session")

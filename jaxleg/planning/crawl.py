@@ -111,7 +111,7 @@ def _phases(params, terrain, robot, settings, poses, feet_from, feet_to, cycle_t
 
 
 def _apex(robot, params, settings, terrain, start, end):
-    """Apex above the higher end: the swing height, raised until the foot clears the ground under its whole way."""
+    """Apex above the higher end: the swing height, raised until the foot clears the ground at nine places of its way."""
     shares = jnp.array([0.15, 0.22, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85], start.dtype)
     along = jnp.clip((shares - params.lift_share) / (1.0 - 2.0 * params.lift_share), 0.0, 1.0)
     way = end[:2] - start[:2]

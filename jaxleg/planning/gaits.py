@@ -32,7 +32,7 @@ from jaxleg.terrain.heightmap import HeightMap
 
 SHIFT_SHARES = (0.2, 0.4, 0.6, 0.8)  # Table 2: five equal parts of the shift, the last of them the swing's start
 BOX = ((0.0, 0.0), (0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.0))  # Table 1: (part of the way, part of the height)
-SWING_SHARES = (0.15, 0.22, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85)  # at which a swing's ground is looked at
+SWING_LOOKS = np.linspace(0.15, 0.85, 33)  # shares of a swing at which its ground is looked at: a step's are within a cell
 Order = Literal["paper", "energy"]
 
 
@@ -123,12 +123,16 @@ def _rectangle(plan: GaitPlan):
 
 
 def swing_apex(plan: GaitPlan, ground: Obstacles, start: Float[Array, "3"], end: Float[Array, "3"]) -> Float[Array, ""]:
-    """Apex [m] of a swing over its higher end: the least one, raised until the foot clears the ground near all of its way."""
-    shares = jnp.asarray(SWING_SHARES, start.dtype)
+    """Apex [m] of a swing over its higher end: the least one, raised until the foot clears the ground near all of its way.
+
+    Between two looks the ground counts as the higher one's and the foot as the lower one's.
+    """
+    shares = jnp.asarray(SWING_LOOKS, start.dtype)
     along = cycloid_advance(jnp.clip((shares - plan.lift_share) / (1.0 - 2.0 * plan.lift_share), 0.0, 1.0))
     path = start[None, :2] + (end - start)[None, :2] * along[:, None]
     high = jax.vmap(highest_near, in_axes=(None, 0))(ground, path)
     base, lift = jnp.where(shares < 0.5, start[2], end[2]), cycloid_lift(shares)
+    high, base, lift = (f(x[1:], x[:-1]) for f, x in ((jnp.maximum, high), (jnp.minimum, base), (jnp.minimum, lift)))
     top = base + (high + plan.clearance * lift - base) / lift
     return jnp.maximum(jnp.max(top) - jnp.maximum(start[2], end[2]), plan.swing_height)
 

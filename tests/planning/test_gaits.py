@@ -97,18 +97,38 @@ def test_footholds_are_the_best_valid_cells_of_the_turned_rectangle(navigator, p
         np.testing.assert_allclose(np.asarray(seen.foot)[: len(rows), :2], rows[:, 1:], atol=1e-9)
 
 
-def test_a_swing_clears_the_widened_ground(navigator):
-    start, end = jnp.asarray(FEET[LEG]), jnp.asarray(TARGET) + jnp.array([0.1, 0.05, 0.0])
-    elevation = wall(-0.2, -0.18, 0.05, 0.12)
-    ground = navigator.obstacles(terrain_of(elevation))
-    apex = swing_apex(navigator.gait, ground, start, end)
-    shares = jnp.linspace(0.15, 0.85, 57)
-    path = np.asarray(jax.vmap(lambda s: swing_foot(start, end, apex, s, navigator.gait.lift_share))(shares))
-    cell = np.round((path[:, :2] - ORIGIN) / SIZE).astype(int)
-    assert np.min(path[:, 2] - elevation[tuple(cell.T)]) > 0.0
-    assert apex >= 0.12
-    level = swing_apex(navigator.gait, navigator.obstacles(terrain_of(np.zeros(SHAPE))), start, end)
-    np.testing.assert_allclose(level, navigator.gait.swing_height)
+@pytest.fixture(scope="module")
+def swung(navigator):
+    """Apex of a swing over a map, and its foot at shares of it."""
+
+    @jax.jit
+    def run(elevation, start, end, shares):
+        apex = swing_apex(navigator.gait, navigator.obstacles(terrain_of(elevation)), start, end)
+        return apex, jax.vmap(lambda s: swing_foot(start, end, apex, s, navigator.gait.lift_share))(shares)
+
+    return run
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_swing_clears_a_block_wherever_it_stands_and_hardly_more(swung, navigator, pegasus, seed):
+    """By the clearance times its lift, over all columns within the legs' radius along x and y."""
+    rng, shares = np.random.default_rng(seed), np.linspace(0.15, 0.85, 701)
+    start = np.array([*rng.uniform(-0.5, 0.0, 2), 0.0])
+    turn, length, place, half, height = rng.uniform((0.0, 0.1, 0.3, 0.0, 0.05), (2.0 * np.pi, 0.35, 0.7, 0.04, 0.15))
+    end = start + length * np.array([np.cos(turn), np.sin(turn), 0.0])
+    elevation = wall(*(start + place * (end - start))[:2], half, height)
+    apex, foot = map(np.asarray, swung(elevation, start, end, shares))
+    lift = foot[:, 2] / apex
+    wide = 0.5 * SIZE + float(max(pegasus.leg_radius, pegasus.foot_radius))
+    near = [np.abs(foot[:, k, None] - ORIGIN[k] - SIZE * np.arange(SHAPE[k])) <= wide for k in (0, 1)]
+    ground = np.where(near[0][:, :, None] & near[1][:, None], elevation, 0.0).max(axis=(1, 2))
+    needed = max(np.max(ground / lift) + navigator.gait.clearance, navigator.gait.swing_height)
+    assert needed - 1e-9 <= apex <= needed + 0.025
+
+
+def test_a_swing_over_level_ground_is_the_least_one(swung, navigator):
+    apex, _ = swung(LEVEL, FEET[LEG], np.add(TARGET, [0.1, 0.05, 0.0]), np.linspace(0.15, 0.85, 701))
+    np.testing.assert_allclose(apex, navigator.gait.swing_height)
 
 
 def test_holding_power_is_least_with_nearly_straight_legs(pegasus):

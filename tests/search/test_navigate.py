@@ -18,8 +18,6 @@ from jaxleg.sim.engine import mjx_engine
 from jaxleg.terrain import Grid, TerrainSettings, terrain
 from jaxleg.terrain.heightmap import HeightMap
 
-pytestmark = pytest.mark.slow
-
 GRID = Grid(75, 50, 0.04, (0.02, 0.02))
 START, GOAL = np.array([[0.8, 0.9]]), np.array([[2.2, 1.1]])
 ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
@@ -60,6 +58,7 @@ def test_the_walk_in_simulation_keeps_to_the_plan(planned, pegasus):
     assert seen.followed.meters.margin[0] > 0.0
 
 
+@pytest.mark.slow
 def test_plan_and_replay_from_the_command_line(tmp_path, capsys):
     config = tmp_path / "study.toml"
     config.write_text(
@@ -92,6 +91,7 @@ def run(*arguments):
     assert stop.value.code == 0
 
 
+@pytest.mark.slow
 def test_a_walled_goal_is_said_to_be_out_of_reach(tmp_path, capsys):
     elevation = np.zeros((75, 50))
     elevation[40:42] = 1.0
@@ -104,6 +104,7 @@ def test_a_walled_goal_is_said_to_be_out_of_reach(tmp_path, capsys):
     assert "no path leads from start to goal" in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.slow
 def test_a_survey_takes_little_memory(pegasus):
     """Bytes a cell beyond its result: the scores of eight features for one leg and heading at a time, not for all 32."""
     navigator = navigator_of(Study(kinds={"flat": Kind()}), pegasus, Gait(), 0.04)

@@ -25,6 +25,7 @@ CONFIG = Path(__file__).parents[2] / "configs/quickstart.toml"
 SHORT = dict(
     starts=2, lanes=2, steps=3, candidates=1, rank_lanes=2, polish_steps=1, polish_lanes=4, proxy_gaits=8, referee_terrains=3
 )
+SHORT |= dict(resamples=100)
 
 
 def short() -> Study:
@@ -35,7 +36,7 @@ def short() -> Study:
         robot="robot.toml",
         terrains=dataclasses.replace(study.terrains, train=12, held_out=6),
         search=dataclasses.replace(study.search, **SHORT),
-        simulation=dataclasses.replace(study.simulation, chunk=8),
+        simulation=dataclasses.replace(study.simulation, chunk=2),
     )
 
 
@@ -49,12 +50,13 @@ class Killed(BaseException):
 
 @pytest.fixture(scope="module", autouse=True)
 def single():
-    """float32; conftest.py asks for float64."""
-    jax.config.update("jax_enable_x64", False)
-    jax.config.update("jax_default_matmul_precision", "highest")
+    """As users run it; conftest.py asks for float64 and little optimisation."""
+    ours = {"jax_enable_x64": True, "jax_default_matmul_precision": None, "jax_disable_most_optimizations": True}
+    for name, value in zip(ours, (False, "highest", False)):
+        jax.config.update(name, value)
     yield
-    jax.config.update("jax_default_matmul_precision", None)
-    jax.config.update("jax_enable_x64", True)
+    for name, value in ours.items():
+        jax.config.update(name, value)
 
 
 @pytest.fixture(scope="module")
@@ -62,13 +64,19 @@ def robot(single):
     return build_robot(ROBOT)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def one_lab(single, robot):
-    """All runs share their compiled functions."""
+@pytest.fixture(scope="module", autouse=True, params=["proxy", pytest.param("simulation", marks=pytest.mark.slow)])
+def gradients(request, single, robot):
+    """Where the polish takes its gradients from: the simulation's take a minute to compile. All runs share one lab."""
     lab = runs.make_lab(STUDY, robot)
+
+    def by_proxy(*lanes):
+        return *lab.simulate_lanes(*lanes), lab.proxy_gradients(*lanes)[1]
+
+    if request.param == "proxy":
+        vars(lab)["simulate_gradients"] = by_proxy
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(runs, "make_lab", lambda *_: lab)
-        yield
+        yield request.param
 
 
 def search(path, robot, resume, study=STUDY, saves=None):
@@ -92,12 +100,12 @@ def search(path, robot, resume, study=STUDY, saves=None):
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory, robot):
+def whole(tmp_path_factory, gradients):
     return tmp_path_factory.mktemp("whole") / "run"
 
 
 @pytest.fixture(scope="module")
-def answer(whole, robot):
+def answer(whole, robot, gradients):
     return search(whole, robot, resume=False)
 
 
@@ -170,11 +178,11 @@ def test_every_descent_goes_down(answer, whole):
             assert len(means) == 3
 
 
-def test_the_proxy_is_honest(answer):
+def test_the_proxy_is_honest(answer, gradients):
     proxy = answer[0]["proxy"]
     assert proxy["gaits"] == 8
     assert proxy["spearman"] > 0.8
-    assert proxy["gradient_cosine_p10"] > 0.95
+    assert gradients == "proxy" or 0.95 < proxy["gradient_cosine_p10"] < 1.0
     assert abs(proxy["bias"]) < 0.04
 
 
