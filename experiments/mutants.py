@@ -127,7 +127,7 @@ def caught_by(fault: Fault, limit: float) -> dict:
         first = sorted(str(x.relative_to(copy)) for x in (copy / "tests").glob(near))
         name = Path(fault.file).stem
         first.sort(key=lambda x: name not in x)
-        for tests in (first, ["tests"]):
+        for tests in (first, ["tests", *(f"--ignore={x}" for x in first)]):
             verdict = _first_failure(copy, tests, limit)
             if verdict:
                 break
