@@ -11,7 +11,7 @@ from jaxleg.energy import electrical
 from jaxleg.plan import PlanStatus
 from jaxleg.planning.crawl import crawl
 from jaxleg.planning.proxy import evaluate
-from tests.planning.conftest import GRID, TERRAINS, gait, settings
+from tests.planning.conftest import GRID, terrain_of, gait, settings
 
 pytestmark = pytest.mark.slow  # the proxy's gradient is long to compile
 
@@ -20,7 +20,7 @@ NAMES = [field.name for field in dataclasses.fields(gait())]
 
 @pytest.fixture(scope="module")
 def cost(pegasus):
-    terrain = TERRAINS["rough"](GRID)
+    terrain = terrain_of("rough")
 
     def energy(vector):
         params = type(gait())(*vector)

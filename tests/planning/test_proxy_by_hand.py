@@ -14,10 +14,10 @@ from jaxleg.planning.crawl import crawl
 from jaxleg.planning.proxy import evaluate
 from jaxleg.planning.reference import instants, to_reference
 from tests.motions import QUICK, Mujoco
-from tests.planning.conftest import GRID, TERRAINS, gait, settings
+from tests.planning.conftest import GRID, terrain_of, gait, settings
 
 FINE = (121, 301)  # samples a shift and a swing
-TERRAIN = TERRAINS["rough"](GRID)
+TERRAIN = terrain_of("rough")
 OFFSETS = 0.02 * np.random.default_rng(4).normal(size=(2, 4, 2))
 CHOICE = np.zeros((2, 2, 4), np.int32)
 CHOICE[0, 1, 2] = FootholdStatus.NONE  # the first lane's left hind leg finds no foothold
