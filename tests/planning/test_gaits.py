@@ -1,5 +1,7 @@
 """Candidate footholds against plain loops, and what makes a step impossible: reach, balance, walls, the unseen."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +14,7 @@ from jaxleg.planning.pose import stand_pose, swing_pose
 from jaxleg.planning.states import Cause
 from jaxleg.swing.cycloid import swing_foot
 from jaxleg.terrain import HeightMap
+from tests.motions import QUICK
 from tests.planning.conftest import gait
 
 SIZE, SHAPE, ORIGIN = 0.04, (50, 40), np.array([-1.0, -0.8])
@@ -34,7 +37,7 @@ def terrain_of(elevation):
 def cause(navigator, pegasus):
     """Why RH cannot step from FEET to a target on a map, with the trunk adjusted and its pose moved."""
 
-    @jax.jit
+    @functools.partial(jax.jit, compiler_options=QUICK)
     def run(elevation, target, adjust, moved):
         ground = navigator.obstacles(terrain_of(elevation))
         feet, plan, yaw = jnp.asarray(FEET), navigator.gait, jnp.array(0.0)
@@ -98,22 +101,25 @@ def test_footholds_are_the_best_valid_cells_of_the_turned_rectangle(navigator, p
 
 
 def test_a_swing_clears_the_widened_ground(navigator):
-    start, end = jnp.asarray(FEET[LEG]), jnp.asarray(TARGET) + jnp.array([0.1, 0.05, 0.0])
+
+    @jax.jit
+    def swing(elevation):
+        start, end = jnp.asarray(FEET[LEG]), jnp.asarray(TARGET + np.array([0.1, 0.05, 0.0]))
+        apex = swing_apex(navigator.gait, navigator.obstacles(terrain_of(elevation)), start, end)
+        shares = jnp.linspace(0.15, 0.85, 57)
+        return apex, jax.vmap(lambda s: swing_foot(start, end, apex, s, navigator.gait.lift_share))(shares)
+
     elevation = wall(-0.2, -0.18, 0.05, 0.12)
-    ground = navigator.obstacles(terrain_of(elevation))
-    apex = swing_apex(navigator.gait, ground, start, end)
-    shares = jnp.linspace(0.15, 0.85, 57)
-    path = np.asarray(jax.vmap(lambda s: swing_foot(start, end, apex, s, navigator.gait.lift_share))(shares))
+    apex, path = map(np.asarray, swing(elevation))
     cell = np.round((path[:, :2] - ORIGIN) / SIZE).astype(int)
     assert np.min(path[:, 2] - elevation[tuple(cell.T)]) > 0.0
     assert apex >= 0.12
-    level = swing_apex(navigator.gait, navigator.obstacles(terrain_of(np.zeros(SHAPE))), start, end)
-    np.testing.assert_allclose(level, navigator.gait.swing_height)
+    np.testing.assert_allclose(swing(LEVEL)[0], navigator.gait.swing_height)
 
 
 def test_holding_power_is_least_with_nearly_straight_legs(pegasus):
     """Paper A, Fig. 5: standing takes the most current in between, the least nearly straight; and it goes with R."""
-    up = jnp.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    power = jax.jit(lambda robot, h: holding_power(robot, jnp.asarray(FEET), h * up, jnp.ones(4)))
+    up = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    power = jax.jit(lambda robot, h: holding_power(robot, jnp.asarray(FEET), h * up, jnp.ones(4)), compiler_options=QUICK)
     high, low = power(pegasus, 0.56), power(pegasus, 0.42)
     assert 0.0 < high < 0.5 * low

@@ -11,7 +11,7 @@ from jaxleg.energy import electrical
 from jaxleg.plan import PlanStatus
 from jaxleg.planning.crawl import crawl
 from jaxleg.planning.proxy import evaluate
-from tests.planning.conftest import GRID, terrain_of, gait, settings
+from tests.planning.conftest import gait, settings, terrain_of
 
 pytestmark = pytest.mark.slow  # the proxy's gradient is long to compile
 

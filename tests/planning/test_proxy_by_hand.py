@@ -14,7 +14,7 @@ from jaxleg.planning.crawl import crawl
 from jaxleg.planning.proxy import evaluate
 from jaxleg.planning.reference import instants, to_reference
 from tests.motions import QUICK, Mujoco
-from tests.planning.conftest import GRID, terrain_of, gait, settings
+from tests.planning.conftest import gait, settings, terrain_of
 
 FINE = (121, 301)  # samples a shift and a swing
 TERRAIN = terrain_of("rough")

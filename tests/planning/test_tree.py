@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from jaxleg.planning.tree import Nodes, SearchStatus, Tried, begin, search
+from tests.motions import QUICK
 
 TABLES, STEPS, WIDTH = 1000, 6, 5
 
@@ -31,7 +32,7 @@ def nodes_of(feasible, prunes, order):
     return Nodes(lambda state, step: (state, order[step, state]), attempt)
 
 
-@functools.partial(jax.jit, static_argnums=(3, 4))
+@functools.partial(jax.jit, static_argnums=(3, 4), compiler_options=QUICK)
 def run(feasible, prunes, order, depth, budget):
     def one(*table):
         return search(nodes_of(*table), jnp.zeros((), jnp.int32), jnp.array(STEPS), STEPS, depth, budget)
@@ -102,12 +103,12 @@ def test_looking_ahead_is_a_fresh_search_at_every_step(depth):
 
 def test_looking_further_ahead_avoids_dead_ends():
     data = tables(5)
-    solved = [np.mean(run(*data, depth, 10**6).status == SearchStatus.FOUND) for depth in (1, 3, STEPS)]
+    solved = [np.mean(np.asarray(run(*data, depth, 10**6).status) == SearchStatus.FOUND) for depth in (1, 3, STEPS)]
     assert solved[0] < solved[1] < solved[2]
 
 
 def test_a_spent_budget_has_its_own_status():
-    found = run(*tables(0), STEPS, 7)
+    found = jax.tree.map(np.asarray, run(*tables(0), STEPS, 7))
     spent = found.status == SearchStatus.BUDGET
     assert np.any(spent)
     assert np.all(found.visited[spent] == 7)
