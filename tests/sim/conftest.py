@@ -3,6 +3,7 @@
 import functools
 
 import jax
+import numpy as np
 import pytest
 
 from jaxleg.sim.engine import mjx_engine
@@ -32,4 +33,4 @@ def roll(engine):
 
         return jax.lax.scan(once, state, tracking)[1]
 
-    return run
+    return lambda *numbers: jax.tree.map(np.asarray, run(*numbers))
