@@ -31,7 +31,7 @@ begin = jax.jit(lambda robot, track: (interpolate(track, EACH), initial_state(ro
 
 @pytest.fixture(scope="module")
 def track(pegasus):
-    return shift_and_step(pegasus, TERRAIN, SECONDS, SAMPLES)
+    return jax.tree.map(np.asarray, shift_and_step(pegasus, TERRAIN, SECONDS, SAMPLES))
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def metered(engine):
 @pytest.fixture(scope="module")
 def by_hand(pegasus, bodies, roll, track):
     """Everything about the walk, step by step, from its states."""
-    tracking, start = begin(pegasus, track)
+    tracking, start = jax.tree.map(np.asarray, begin(pegasus, track))
     states, seen = roll(pegasus, GROUND, TERRAIN, start, tracking)
     q, v = (np.concatenate([np.asarray(a)[None], np.asarray(b)]) for a, b in zip(start, states))
     dt, radius = np.asarray(tracking.dt), float(pegasus.contact_radius)
