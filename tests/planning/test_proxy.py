@@ -11,6 +11,7 @@ from jaxleg.energy import electrical
 from jaxleg.plan import PlanStatus
 from jaxleg.planning.crawl import crawl
 from jaxleg.planning.proxy import evaluate
+from tests.motions import QUICK
 from tests.planning.conftest import gait, settings, terrain_of
 
 pytestmark = pytest.mark.slow  # the proxy's gradient is long to compile
@@ -29,7 +30,8 @@ def cost(pegasus):
         total = jax.tree.map(jnp.sum, seen.energy)
         return electrical(total, "positive") / seen.distance, seen.checks
 
-    return jax.jit(energy), jax.jit(jax.grad(energy, has_aux=True)), jax.jit(jax.jacfwd(lambda v: energy(v)[0]))
+    functions = energy, jax.grad(energy, has_aux=True), jax.jacfwd(lambda v: energy(v)[0])
+    return tuple(jax.jit(function, compiler_options=QUICK) for function in functions)
 
 
 def vector(**changes):
