@@ -17,8 +17,6 @@ from jaxleg.robot.mjcf import robot_mjcf
 from jaxleg.sim.tracking import Tracking
 from jaxleg.terrain import HeightMap
 
-# compiles in half the time, for what runs but once
-QUICK = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
 FEET = np.array([[0.32, 0.18], [0.30, -0.18], [-0.30, 0.18], [-0.28, -0.18]])
 HEIGHT = 0.46  # of the trunk over the feet [m]
 SWINGS = 3  # RH
@@ -45,7 +43,7 @@ def step_instants(robot: Robot, terrain: HeightMap, seconds: tuple[float, float]
     return _planned(robot, terrain, seconds, samples)
 
 
-@functools.partial(jax.jit, static_argnums=(2, 3), compiler_options=QUICK)
+@functools.partial(jax.jit, static_argnums=(2, 3))
 def _planned(robot, terrain, seconds, samples):
     feet = on_ground(robot, terrain, jnp.asarray(FEET))
     landed = feet.at[SWINGS].set(on_ground(robot, terrain, jnp.asarray(FEET[SWINGS] + [STRIDE, 0.0])[None])[0])

@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.plan import Reference
@@ -23,9 +22,9 @@ PARAMS = {"friction": 0.8, "samples_a_step": EACH, "tick": 0.0025, "steps": 1, "
 def standing(robot: Robot, turn: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Reference:
     """A second of standing over `FEET`, the trunk turned by (pitch, roll, yaw) [rad]."""
     count = EACH + SHIFT + 1
-    feet = jnp.asarray(FEET, float).at[:, 2].add(robot.contact_radius)
-    angles, _ = jax.jit(joint_angles)(robot, jnp.asarray([*TRUNK, *turn], float), feet)
-    zero, quaternion = np.zeros((4, 3)), jax.jit(trunk_quaternion)(jnp.asarray(turn, float))
+    feet = FEET + np.array([0.0, 0.0, float(robot.contact_radius)])
+    angles, _ = jax.jit(joint_angles)(robot, np.array([*TRUNK, *turn]), feet)
+    zero, quaternion = np.zeros((4, 3)), jax.jit(trunk_quaternion)(np.array(turn))
     rows = (angles, zero, zero, TRUNK, quaternion, np.zeros(6), feet, np.ones(4))
     return Reference(np.linspace(0.0, SECONDS, count), *(np.repeat(np.asarray(x)[None], count, axis=0) for x in rows))
 

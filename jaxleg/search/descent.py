@@ -45,6 +45,7 @@ def bounded(free: Float[Array, "*n parameter"], bounds: Float[Array, "*n paramet
     return low + (high - low) * jax.nn.sigmoid(free)
 
 
+@functools.partial(jax.jit, static_argnames="least")
 def unbounded(
     vector: Float[Array, "*n parameter"], bounds: Float[Array, "*n parameter 2"], least: float = 0.05
 ) -> Float[Array, "*n parameter"]:
@@ -55,6 +56,7 @@ def unbounded(
     return jnp.where(high > low, jnp.log(share) - jnp.log1p(-share), 0.0)
 
 
+@jax.jit
 def free_gradient(free: Float[Array, "*n parameter"], bounds, gradient) -> Float[Array, "*n parameter"]:
     """Gradient in the unbounded coordinates from that in the parameters."""
     share = jax.nn.sigmoid(free)
@@ -66,6 +68,7 @@ def make_optimiser(rate: float, steps: int) -> optax.GradientTransformation:
     return optax.adam(optax.cosine_decay_schedule(rate, steps, alpha=0.1))
 
 
+@functools.partial(jax.jit, static_argnums=(3, 4))
 def start(
     key: Array,
     known: Float[Array, "known parameter"],

@@ -36,7 +36,8 @@ def make_sites(study: Study, foot_radius: float, kind: str, held_out: bool) -> S
     difficulties = jnp.asarray(_spread(table, count), float)
     first = HELD_OUT if held_out else 0
     sites = _build(table.generator, grid(study), first, terrain_settings(table), foot_radius, maps, key, difficulties)
-    return jax.tree.map(lambda x: x[_first_of_each(np.asarray(sites.terrain.elevation))], sites)
+    first_of_each = _first_of_each(np.asarray(sites.terrain.elevation))
+    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[first_of_each]), sites)
 
 
 def terrain_settings(kind: Kind) -> TerrainSettings:

@@ -100,7 +100,7 @@ def polish(state: Run, group: tuple[str, ...], training: dict[str, Lanes], best:
         kept, value, gradient = free, *simulated_gradient(state.lab, bounded(free, span), lanes)
         for step in range(search.polish_steps):
             slope = descent.free_gradient(kept, span, gradient)
-            free = kept - rate * slope / jnp.maximum(jnp.linalg.norm(slope), 1e-12)
+            free = _downhill(kept, slope, rate)
             new_value = judge(lambda *x: simulated_objective(state.lab, *x), np.asarray(bounded(free, span))[None], lanes)[0]
             better = new_value < value
             kept, value, rate = (free, new_value, rate) if better else (kept, value, 0.5 * rate)
@@ -115,6 +115,11 @@ def polish(state: Run, group: tuple[str, ...], training: dict[str, Lanes], best:
     return best
 
 
+@jax.jit
+def _downhill(free, slope, rate):
+    return free - rate * slope / jnp.maximum(jnp.linalg.norm(slope), 1e-12)
+
+
 def spread(lanes: Lanes, count: int) -> Lanes:
     """`count` lanes spread evenly over all, or all where there are fewer."""
     return lanes.take(np.linspace(0, lanes.number - 1, min(count, lanes.number)).round().astype(int))
@@ -122,7 +127,7 @@ def spread(lanes: Lanes, count: int) -> Lanes:
 
 def judge(objective: Callable[..., np.ndarray], vectors: np.ndarray, lanes: Lanes) -> np.ndarray:
     """Mean objective of each vector over the lanes; a lane that cannot be judged costs ten times the baseline."""
-    rows = jnp.repeat(jnp.asarray(vectors), lanes.number, axis=0)
+    rows = jnp.asarray(np.repeat(vectors, lanes.number, axis=0))
     many = lanes.take(np.tile(np.arange(lanes.number), len(vectors)))
     values = objective(rows, many.site, many.setting).reshape(len(vectors), -1)
     return np.where(np.isfinite(values), values, 10.0).mean(axis=1)
@@ -136,7 +141,7 @@ def simulated_objective(lab: Lab, *lanes: Any) -> np.ndarray:
 
 def simulated_gradient(lab: Lab, vector: jax.Array, lanes: Lanes) -> tuple[float, jax.Array]:
     """Mean objective and gradient of one vector over the lanes, in MJX; lanes without a finite gradient stay out."""
-    rows = jnp.tile(vector, (lanes.number, 1))
+    rows = jnp.asarray(np.tile(vector, (lanes.number, 1)))
     score, meters, gradient = lab.simulate_gradients(rows, lanes.site, lanes.setting)
     usable = ~meters.fell & np.isfinite(gradient).all(axis=1)
     value = np.where(usable, score.objective, 10.0).mean()

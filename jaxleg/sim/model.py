@@ -83,9 +83,10 @@ def _heights(terrain, points):
 def _actuators(root, robot: Robot) -> None:
     """Joint controllers kp (q_ref - q) + kd (v_ref - v) + torque, their reference parts summed up in the control."""
     actuator, sensor = xml.SubElement(root, "actuator"), xml.SubElement(root, "sensor")
+    numbers = [np.asarray(x) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit)]
     for leg, name in enumerate(LEGS):
         for j, link in enumerate(LINKS):
-            kp, kd, limit = (float(x[leg, j]) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit))
+            kp, kd, limit = (float(x[leg, j]) for x in numbers)
             gains = {"biastype": "affine", "gainprm": "1 0 0", "biasprm": f"0 {-kp} {-kd}"}
             force = {"forcelimited": "true", "forcerange": f"{-limit} {limit}"}
             xml.SubElement(actuator, "general", joint=f"{name}_{link}", **gains, **force)

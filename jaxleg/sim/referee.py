@@ -104,7 +104,7 @@ def start_state(model: mujoco.MjModel, reference: Reference) -> np.ndarray:
     """MuJoCo's full physics state of the reference's first pose at rest."""
     data = mujoco.MjData(model)
     data.qpos[:] = np.concatenate(
-        [np.asarray(x[0], float).reshape(-1) for x in (reference.trunk_pos, reference.trunk_quat, reference.joint_pos)]
+        [np.asarray(x, float)[0].reshape(-1) for x in (reference.trunk_pos, reference.trunk_quat, reference.joint_pos)]
     )
     state = np.zeros(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
     mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)

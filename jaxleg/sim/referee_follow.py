@@ -82,11 +82,16 @@ def _rows(tracks: list[Reference], times: np.ndarray) -> Reference:
     def lane(track: Reference) -> Reference:
         index = np.clip(np.searchsorted(track.time, times, side="right") - 1, 0, len(track.time) - 2)
         low, high = (Reference(*(x[index + k] for x in track)) for k in (0, 1))
-        rows = jax.jit(jax.vmap(between))(low, high, times.astype(track.time.dtype))
+        rows = _between(low, high, times.astype(track.time.dtype))
         ended = (times >= track.time[-1])[:, None, None]
         return rows._replace(joint_vel=np.where(ended, 0.0, rows.joint_vel))
 
     return jax.tree.map(lambda *x: np.stack([np.asarray(y) for y in x]), *map(lane, tracks))
+
+
+@jax.jit
+def _between(low, high, times):
+    return jax.vmap(between)(low, high, times)
 
 
 def _at(rows: Reference, index: int) -> Reference:

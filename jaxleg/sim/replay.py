@@ -34,20 +34,20 @@ def replay_mjx(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]:
         seen, shots = film(engine, robot, ground, terrain, reference, last, file.samples, tick, (count, each))
         return seen, shots, landing_errors(reference, seen, file.samples, STEP_LEGS)
 
-    seen, shots, landing = run(file.robot, file.terrain, file.reference)
+    seen, shots, landing = jax.tree.map(np.asarray, run(file.robot, file.terrain, file.reference))
     meters, end = seen.meters, shots[-1, :2]
-    energy = Power(*(jnp.sum(x) for x in meters.energy))
+    energy = Power(*(jnp.asarray(np.sum(x)) for x in meters.energy))
     made = min(int(file.params["steps"]), int(seen.reached) // file.samples)
     result = {
         "engine": "mjx",
-        **_figures(file, energy, _way(end, file), meters.time, meters.margin, jnp.mean(meters.slip)),
+        **_figures(file, energy, _way(end, file), meters.time, meters.margin, np.mean(meters.slip)),
         "fell": bool(meters.fell),
         "finished": bool(seen.finished),
         "left": float(np.linalg.norm(end - file.goal)),
-        "landing_worst": float(jnp.max(landing[:made])) if made else float("nan"),
+        "landing_worst": float(np.max(landing[:made])) if made else float("nan"),
         "penetration": float(meters.penetration),
     }
-    return result, np.asarray(shots)
+    return result, shots
 
 
 def replay_mujoco(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]:

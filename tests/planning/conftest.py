@@ -1,5 +1,7 @@
 """One compiled planner for all tests of planning."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +20,11 @@ TERRAINS = {
 }
 
 
+@functools.partial(jax.jit, static_argnums=0)
+def terrain_of(kind):
+    return TERRAINS[kind](GRID)
+
+
 def gait(height=0.5, offset=-0.1, skew=0.1, step=0.2, length=0.62, width=0.36, swing=0.08, shift=0.45, hind=0.5, lift=0.1):
     return GaitParams(*(jnp.asarray(x, float) for x in (height, offset, skew, step, length, width, swing, shift, hind, lift)))
 
@@ -27,8 +34,20 @@ def settings(bend=20.0, threshold=0.0, rule="overlap", ratio=0.5):
     return CrawlSettings(*(jnp.asarray(x, float) for x in (0.05, np.deg2rad(bend), 0.02, 0.1)), cog)
 
 
+def in_numpy(walk):
+    """Its arrays NumPy's, but for the parameters'."""
+    return jax.tree.map(np.asarray, walk._replace(params=None))._replace(params=walk.params)
+
+
 @pytest.fixture(scope="session")
 def walk_on(pegasus):
-    none = jnp.zeros((3, 4, 2)), jnp.zeros((3, 4), jnp.int32)
-    plan = jax.jit(lambda params, options, terrain: crawl(pegasus, params, options, terrain, *none))
-    return lambda params, kind="flat", bend=20.0, **cog: plan(params, settings(bend, **cog), TERRAINS[kind](GRID))
+    none = np.zeros((3, 4, 2)), np.zeros((3, 4), np.int32)
+
+    @jax.jit
+    def plan(robot, params, options, terrain):
+        return crawl(robot, params, options, terrain, *map(jnp.asarray, none))
+
+    def walk(params, kind="flat", bend=20.0, **cog):
+        return in_numpy(plan(pegasus, params, settings(bend, **cog), terrain_of(kind)))
+
+    return walk

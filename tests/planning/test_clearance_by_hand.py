@@ -42,13 +42,13 @@ def clear(pegasus):
         ground = obstacles(terrain, SIZE, float(pegasus.leg_radius), spacing)
         return leg_clearance(robot, ground, pose, angles), trunk_clearance(robot, ground, pose)
 
-    return lambda robot, elevation, pose: run(robot, *(jnp.asarray(x) for x in (elevation, pose, ANGLES)))
+    return lambda robot, elevation, pose: run(robot, elevation, pose, ANGLES)
 
 
 def axes_of(robot, pose):
     """Points on the axes of thighs and shanks but for the shank's lower quarter, by MuJoCo's kinematics: (leg, point, 3)."""
     mujocos = Mujoco(robot)
-    feet = mujocos(np.concatenate([pose[:3], trunk_quaternion(jnp.asarray(pose[3:])), ANGLES.ravel()])).feet
+    feet = mujocos(np.concatenate([pose[:3], jax.jit(trunk_quaternion)(pose[3:]), ANGLES.ravel()])).feet
     thigh, knee = mujocos.data.xpos[3::3].copy(), mujocos.data.xpos[4::3].copy()
     upper, lower = np.linspace(0.5, 1.0, 11)[:, None, None], np.linspace(0.2, 0.75, 12)[:, None, None]
     return np.concatenate([thigh + upper * (knee - thigh), knee + lower * (feet - knee)]).swapaxes(0, 1)
@@ -106,12 +106,14 @@ def test_a_box_beside_the_trunk_is_none_under_it(clear, pegasus):
     assert clear(pegasus, near, POSES[0])[1] == pytest.approx(0.385 - 0.5)
 
 
+way_of = jax.jit(jax.vmap(trunk_path, in_axes=(None, 0)))
+
+
 def moves(start, end, seconds):
     """Greatest acceleration of the trunk's centre, and 0.4 m times that of its turn, in a shift of so many seconds."""
-    none = jnp.zeros((4, 3))
-    phase = Phases(jnp.asarray(0.0), jnp.asarray(seconds), start, end, none, none, jnp.zeros(4), jnp.zeros(4))
-    share = jnp.linspace(0.0, 1.0, 2001)
-    path = np.asarray(jax.vmap(trunk_path, in_axes=(None, 0))(phase, share))
+    none = np.zeros((4, 3))
+    phase = Phases(np.array(0.0), np.array(seconds), start, end, none, none, np.zeros(4), np.zeros(4))
+    path = np.asarray(way_of(phase, np.linspace(0.0, 1.0, 2001)))
     rate = np.diff(path, 2, axis=0) / (seconds / 2000) ** 2
     return np.linalg.norm(rate[:, :3], axis=1).max(), 0.4 * np.linalg.norm(rate[:, 3:], axis=1).max()
 
@@ -127,9 +129,9 @@ def moves(start, end, seconds):
     ],
 )
 def test_a_shift_takes_as_long_as_its_acceleration_allows(way, turn, acceleration, seconds):
-    start = jnp.array([0.1, 0.2, 0.4, 0.1, -0.1, 0.3])
-    end = start + jnp.array([*way, *turn])
-    took = shift_time(start, end, jnp.asarray(acceleration))
+    start = np.array([0.1, 0.2, 0.4, 0.1, -0.1, 0.3])
+    end = start + np.array([*way, *turn])
+    took = jax.jit(shift_time)(start, end, acceleration)
     np.testing.assert_allclose(took, seconds, atol=2e-6)
     if seconds:
         centre, edge = moves(start, end, float(took))

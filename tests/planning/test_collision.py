@@ -10,6 +10,7 @@ from jaxleg.planning.collision import SHANK, THIGH, leg_clearance, leg_points, o
 from jaxleg.planning.posture import joint_angles, trunk_rotation
 from jaxleg.terrain import HeightMap
 
+rotation_of, feet_of = jax.jit(trunk_rotation), jax.jit(jax.vmap(foot_position))
 SIZE, SHAPE = 0.04, (45, 40)
 FEET = np.array([[0.33, 0.18, 0.0], [0.29, -0.17, 0.0], [-0.3, 0.18, 0.0], [-0.26, -0.2, 0.0]])
 
@@ -77,7 +78,7 @@ def test_no_contact_of_the_trunk_is_missed(clearances, pegasus, seed):
     _, trunk, _, _ = clearances(elevation, place, feet)
     face = np.stack(np.meshgrid(*(np.linspace(-0.5, 0.5, 60),) * 2, [-0.5], indexing="ij"), axis=-1).reshape(-1, 3)
     for pose, clear in zip(place, np.asarray(trunk)):
-        at = pose[:3] + face * np.asarray(pegasus.trunk_size) @ np.asarray(trunk_rotation(jnp.asarray(pose[3:]))).T
+        at = pose[:3] + face * np.asarray(pegasus.trunk_size) @ np.asarray(rotation_of(pose[3:])).T
         cell = np.round((at[:, :2] - [-0.9, -0.8]) / SIZE).astype(int)
         below = np.nan_to_num(elevation[tuple(np.clip(cell, 0, np.array(SHAPE) - 1).T)], nan=-np.inf)
         true = np.min(at[:, 2] - below)
@@ -88,11 +89,11 @@ def test_points_lie_on_thighs_and_shanks(clearances, pegasus):
     _, _, points, angles = clearances(ground(0), *poses(5))
     assert points.shape[2] == len(THIGH) + len(SHANK)
     place, _ = poses(5)
-    for pose, lane, q in zip(place, np.asarray(points), angles):
-        rotation = np.asarray(trunk_rotation(jnp.asarray(pose[3:])))
+    for pose, lane, q in zip(place, np.asarray(points), np.asarray(angles)):
+        rotation = np.asarray(rotation_of(pose[3:]))
+        feet = np.add(feet_of(pegasus.joint_axis, pegasus.link_offset, q), pegasus.hip_position)
         for leg in range(4):
-            foot = foot_position(pegasus.joint_axis[leg], pegasus.link_offset[leg], q[leg]) + pegasus.hip_position[leg]
-            foot, knee = pose[:3] + rotation @ np.asarray(foot), lane[leg, 1]
+            foot, knee = pose[:3] + rotation @ feet[leg], lane[leg, 1]
             np.testing.assert_allclose(np.linalg.norm(foot - knee), 0.34, atol=1e-9)
             for k, share in enumerate(SHANK):
                 np.testing.assert_allclose(lane[leg, 2 + k], knee + share * (foot - knee), atol=1e-9)

@@ -12,21 +12,26 @@ from jaxleg.kinematics import knee_bend
 from jaxleg.planning.crawl import crawl
 from jaxleg.planning.posture import CogPlan, held_heights, joint_angles, lowering_needed, trunk_rotation, waypoint
 from jaxleg.terrain import Grid
-from tests.planning.conftest import gait, settings
+from tests.planning.conftest import gait, in_numpy, settings
 
 GRID = Grid(112, 52, 0.02, (-0.9, -0.51))
 X = GRID.origin[0] + GRID.resolution * np.arange(GRID.nx)
 LIFT, CLEARANCE, RADIUS, DISC = 0.2, 0.02, 0.004, 0.02
-NONE = jnp.zeros((2, 4, 2)), jnp.zeros((2, 4), jnp.int32)
+NONE = np.zeros((2, 4, 2)), np.zeros((2, 4), np.int32)
+heights, lowering = jax.jit(held_heights), jax.jit(lowering_needed)
 
 
 @pytest.fixture(scope="module")
 def walk(pegasus):
     """One cycle over a profile along x, with a low swing."""
-    plan = jax.jit(lambda terrain, swing: crawl(pegasus, gait(0.46, swing=swing, lift=LIFT), settings(), terrain, *NONE))
+
+    @jax.jit
+    def plan(robot, elevation, swing):
+        none = map(jnp.asarray, NONE)
+        return crawl(robot, gait(0.46, swing=swing, lift=LIFT), settings(), GRID.map(elevation), *none)
 
     def over(profile, swing=0.03):
-        return plan(GRID.map(jnp.asarray(np.repeat(profile[:, None], GRID.ny, axis=1))), jnp.asarray(swing))
+        return in_numpy(plan(pegasus, np.repeat(profile[:, None], GRID.ny, axis=1), swing))
 
     return over
 
@@ -56,8 +61,8 @@ def least_room(profile, start, end, apex):
 def swings(walk):
     """Start, end and apex of each swing."""
     phases = walk.phases
-    for phase, leg in zip(*np.nonzero(np.asarray(phases.swings))):
-        yield np.asarray(phases.feet_from[phase, leg]), np.asarray(phases.feet_to[phase, leg]), float(phases.apex[phase, leg])
+    for phase, leg in zip(*np.nonzero(phases.swings)):
+        yield phases.feet_from[phase, leg], phases.feet_to[phase, leg], phases.apex[phase, leg]
 
 
 def test_on_level_ground_nothing_is_raised(walk):
@@ -65,7 +70,7 @@ def test_on_level_ground_nothing_is_raised(walk):
         planned = walk(np.zeros(GRID.nx), swing)
         assert len(list(swings(planned))) == 4
         assert all(apex == swing for _, _, apex in swings(planned))
-        assert np.asarray(planned.phases.apex).sum() == pytest.approx(4 * swing)
+        assert planned.phases.apex.sum() == pytest.approx(4 * swing)
 
 
 @pytest.mark.parametrize("height", [0.06, 0.12])
@@ -109,11 +114,10 @@ def test_a_way_point_has_its_height_and_pitch_by_hand(pegasus, standing, swingin
     """Front feet 6 cm higher than hind ones, 0.6 m apart: a nose up by atan 0.1; 0.45 m over the feet's mean of 3 cm."""
     params = gait(0.45, offset=-0.07)
     cog = CogPlan(jnp.asarray(0.5), jnp.asarray(0.0))
-    feet = jnp.asarray(FEET)
-    pose = jax.jit(waypoint)(pegasus, params, cog, feet, feet, jnp.array(standing), jnp.array(swinging))
+    pose = np.asarray(jax.jit(waypoint)(pegasus, params, cog, FEET, FEET, np.array(standing), np.array(swinging)))
     np.testing.assert_allclose(pose[2], 0.03 + 0.45, atol=1e-12)
     np.testing.assert_allclose(pose[3:], [np.arctan(0.1), 0.0, 0.0], atol=1e-12)
-    nose = np.asarray(trunk_rotation(pose[3:]))[:, 0]
+    nose = np.asarray(jax.jit(trunk_rotation)(pose[3:]))[:, 0]
     np.testing.assert_allclose(nose[2] / nose[0], 0.1, atol=1e-12)
     assert (pose[1] > 0) == (standing == LEFT)  # over the standing side
 
@@ -121,14 +125,14 @@ def test_a_way_point_has_its_height_and_pitch_by_hand(pegasus, standing, swingin
 def test_height_and_pitch_are_of_the_mean_of_the_feet_before_and_after(pegasus):
     after = FEET + np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.04], [0.0, 0.0, 0.0], [0.2, 0.0, 0.04]])
     cog = CogPlan(jnp.asarray(0.5), jnp.asarray(0.0))
-    pose = jax.jit(waypoint)(pegasus, gait(0.45), cog, *map(jnp.asarray, (FEET, after)), jnp.array(LEFT), jnp.array(RIGHT))
+    pose = np.asarray(jax.jit(waypoint)(pegasus, gait(0.45), cog, FEET, after, np.array(LEFT), np.array(RIGHT)))
     np.testing.assert_allclose(pose[2], 0.03 + 0.01 + 0.45, atol=1e-12)
     np.testing.assert_allclose(pose[3], np.arctan(0.1), atol=1e-12)
 
 
 def test_heights_are_held_until_they_differ_by_more_than_the_threshold():
-    wanted = [0.40, 0.409, 0.411, 0.402, 0.400, 0.431]
-    np.testing.assert_array_equal(held_heights(jnp.asarray(wanted), 0.01), [0.40, 0.40, 0.411, 0.411, 0.400, 0.431])
+    wanted = np.array([0.40, 0.409, 0.411, 0.402, 0.400, 0.431])
+    np.testing.assert_array_equal(heights(wanted, 0.01), [0.40, 0.40, 0.411, 0.411, 0.400, 0.431])
 
 
 @pytest.mark.parametrize(
@@ -144,25 +148,28 @@ def test_the_lowering_is_the_quadratics_by_hand(pegasus, bend_deg, ahead, height
     """Hips level, each foot so far ahead of its hip in the plane of its leg."""
     lateral = 0.08 * np.array([1.0, -1.0, 1.0, -1.0])
     feet = np.asarray(pegasus.hip_position) + np.column_stack([np.full(4, ahead), lateral, np.full(4, -height)])
-    needed, left = lowering_needed(pegasus, jnp.zeros(6), jnp.asarray(feet), np.deg2rad(bend_deg))
+    needed, left = lowering(pegasus, np.zeros(6), feet, np.deg2rad(bend_deg))
     np.testing.assert_allclose(needed, lowered, atol=1e-8)
     assert np.all(np.asarray(left) > 0.0)
 
 
 def test_no_lowering_helps_a_foot_that_is_too_far_ahead(pegasus):
     feet = np.asarray(pegasus.hip_position) + np.array([0.61, 0.0, -0.5])
-    _, left = lowering_needed(pegasus, jnp.zeros(6), jnp.asarray(feet), 0.0)
+    _, left = lowering(pegasus, np.zeros(6), feet, np.deg2rad(0.0))
     assert np.all(np.asarray(left) < 0.0)
 
 
 def test_lowered_a_turned_trunks_knees_have_the_bend_asked_for(pegasus):
     """Straight down in the world, however the trunk is turned; the hip link has a part along x, too."""
-    robot = dataclasses.replace(pegasus, link_offset=pegasus.link_offset.at[:, 0, 0].set(jnp.array([0.03, 0.03, -0.03, -0.03])))
-    pose = jnp.array([0.02, -0.01, 0.62, 0.15, -0.1, 0.2])
-    feet = jnp.array([[0.36, 0.2, 0.03], [0.28, -0.2, 0.0], [-0.28, 0.2, 0.01], [-0.36, -0.2, -0.02]])
-    needed, _ = lowering_needed(robot, pose, feet, np.deg2rad(35.0))
-    assert np.all(np.asarray(needed) > 0.0)
+    links = np.array(pegasus.link_offset)
+    links[:, 0, 0] = [0.03, 0.03, -0.03, -0.03]
+    robot = dataclasses.replace(pegasus, link_offset=jnp.asarray(links))
+    pose = np.array([0.02, -0.01, 0.62, 0.15, -0.1, 0.2])
+    feet = np.array([[0.36, 0.2, 0.03], [0.28, -0.2, 0.0], [-0.28, 0.2, 0.01], [-0.36, -0.2, -0.02]])
+    needed = np.asarray(lowering(robot, pose, feet, np.deg2rad(35.0))[0])
+    assert np.all(needed > 0.0)
+    bends = jax.jit(jax.vmap(knee_bend))
     for leg in range(4):
-        angles, _ = joint_angles(robot, pose.at[2].add(-needed[leg]), feet)
-        bend = knee_bend(robot.joint_axis[leg], robot.link_offset[leg], angles[leg])
-        np.testing.assert_allclose(bend, np.deg2rad(35.0), atol=1e-9)
+        angles, _ = jax.jit(joint_angles)(robot, pose - needed[leg] * np.eye(6)[2], feet)
+        bend = bends(robot.joint_axis, robot.link_offset, angles)
+        np.testing.assert_allclose(np.asarray(bend)[leg], np.deg2rad(35.0), atol=1e-9)

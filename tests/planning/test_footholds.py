@@ -19,8 +19,8 @@ SIZE, STEP = 0.02, 0.2
 EXTENT = extent_of(0.38, 0.08, STEP, SIZE, heading=None)
 ORIGIN = np.array([-0.8, -0.5])
 NOMINAL = np.array([[0.34, 0.18], [0.24, -0.18], [-0.26, 0.18], [-0.36, -0.18]])
-REACHABLE = Reachable(*map(jnp.asarray, (-0.05, 0.04, STEP)))
-ANYWHERE = Reachable(*map(jnp.asarray, (-9.0, 9.0, STEP)))
+REACHABLE = Reachable(*map(np.asarray, (-0.05, 0.04, STEP)))
+ANYWHERE = Reachable(*map(np.asarray, (-9.0, 9.0, STEP)))
 
 
 def rectangle(heading=0.0, w1=0.5):
@@ -29,15 +29,15 @@ def rectangle(heading=0.0, w1=0.5):
 
 def site(valid, elevation=None):
     elevation = np.zeros(valid.shape) if elevation is None else elevation
-    return Site(HeightMap(*map(jnp.asarray, (elevation, ORIGIN, SIZE))), jnp.asarray(valid))
+    return Site(HeightMap(elevation, ORIGIN, np.asarray(SIZE)), valid)
 
 
-@jax.jit
-def chosen(nominal, ground, box, reachable=ANYWHERE):
-    return choose(nominal, ground.valid, ground.terrain, box, reachable, EXTENT)
+def one(nominal, ground, box, reachable=ANYWHERE, extent=EXTENT):
+    return choose(nominal, ground.valid, ground.terrain, box, reachable, extent)
 
 
-many = jax.jit(jax.vmap(chosen, in_axes=(0, 0, 0, None)))
+chosen = jax.jit(one, static_argnames="extent")
+many = jax.jit(jax.vmap(one, in_axes=(0, 0, 0, None)))
 
 
 def plain_cascade(nominal, valid, elevation, heading, w1, low=-9.0, high=9.0):
@@ -117,15 +117,13 @@ def test_the_cascade_is_the_plain_search(shape, number):
     rng, seen = np.random.default_rng(shape[1]), set()
     cases = [random_case(rng, shape) for _ in range(number)]
     nominal, valid, elevation, heading, w1 = (np.stack(x) for x in zip(*cases))
-    grounds = Site(
-        HeightMap(*map(jnp.asarray, (elevation, np.tile(ORIGIN, (number, 1)), np.full(number, SIZE)))), jnp.asarray(valid)
-    )
-    boxes = SearchRectangle(*(jnp.full(number, x) for x in (0.30, 0.08, 0.08)), jnp.asarray(w1), jnp.asarray(heading))
-    ours = many(jnp.asarray(nominal), grounds, boxes, REACHABLE)
+    grounds = Site(HeightMap(elevation, np.tile(ORIGIN, (number, 1)), np.full(number, SIZE)), valid)
+    boxes = SearchRectangle(*(jnp.asarray(x) for x in (*np.full((3, number), [[0.30], [0.08], [0.08]]), w1, heading)))
+    ours = jax.tree.map(np.asarray, many(nominal, grounds, boxes, REACHABLE))
     for k, case in enumerate(cases):
         places, states = plain_cascade(*case, low=-0.05, high=0.04)
-        assert list(np.asarray(ours.status[k])) == states, k
-        assert [tuple(c) for c in np.round(np.asarray(ours.offset[k]) / SIZE).astype(int)] == places, k
+        assert list(ours.status[k]) == states, k
+        assert [tuple(c) for c in np.round(ours.offset[k] / SIZE).astype(int)] == places, k
         seen |= set(states)
     assert len(seen) == (4 if shape[0] >= 56 else 2)  # the small maps lie under one pair of legs only
 
@@ -140,13 +138,13 @@ def test_ties_go_forward_then_to_the_centre_line_then_left(cells, best):
     for i, j in cells:
         for a, b in start:
             valid[a + i, b + j] = True
-    ours = chosen(jnp.asarray(NOMINAL), site(valid), rectangle())
-    assert tuple(np.round(np.asarray(ours.offset[0]) / SIZE).astype(int)) == best
+    ours = chosen(NOMINAL, site(valid), rectangle())
+    assert tuple(np.round(np.asarray(ours.offset)[0] / SIZE).astype(int)) == best
 
 
 def test_the_rectangle_turns_with_the_heading():
     valid = np.random.default_rng(3).random((80, 50)) < 0.7
-    offset = np.asarray(chosen(jnp.asarray(NOMINAL), site(valid), rectangle(np.pi / 2)).offset[0])
+    offset = np.asarray(chosen(NOMINAL, site(valid), rectangle(np.pi / 2)).offset)[0]
     assert abs(offset[0]) <= 0.04 + 1e-9  # across the heading lies x now
     assert abs(offset[1]) <= 0.19 + 1e-9
 
@@ -161,23 +159,22 @@ def test_paper_figure_7_finds_the_cell_and_then_the_longer_rectangle():
         valid[start[0][0] + 2, start[0][1]] = True  # valid for one leg only: forms no stance
         for a, b in start:
             valid[a + common[0], b + common[1]] = True
-        ground = site(valid)
-        ours = choose(jnp.asarray(NOMINAL), ground.valid, ground.terrain, box, ANYWHERE, extent)
+        ours = chosen(NOMINAL, site(valid), box, extent=extent)
         assert set(np.asarray(ours.status)) == {status}
         np.testing.assert_allclose(ours.offset, np.tile(np.array(common) * SIZE, (4, 1)), atol=1e-12)
 
 
 def test_twelve_footholds_in_one_call_are_three_stances():
     ground = site(np.random.default_rng(3).random((80, 50)) < 0.6)
-    nominal = jnp.asarray(NOMINAL - 0.2)[None] + 0.2 * jnp.arange(3.0)[:, None, None] * jnp.array([[[1.0, 0.0]]])
-    plan = plan_footholds(nominal, rectangle(), ANYWHERE, ground, EXTENT)
-    for k in range(3):
-        np.testing.assert_array_equal(plan.offset[k], chosen(nominal[k], ground, rectangle()).offset)
+    nominal = NOMINAL - 0.2 + 0.2 * np.arange(3.0)[:, None, None] * [1.0, 0.0]
+    plan = jax.jit(plan_footholds, static_argnums=4)(nominal, rectangle(), ANYWHERE, ground, EXTENT)
+    for offset, place in zip(np.asarray(plan.offset), nominal):
+        np.testing.assert_array_equal(offset, chosen(place, ground, rectangle()).offset)
 
 
 def test_a_map_that_nobody_has_seen_gives_no_foothold():
     for hole in (np.nan, np.inf):
-        ours = chosen(jnp.asarray(NOMINAL), site(np.ones((80, 50), bool), np.full((80, 50), hole)), rectangle())
+        ours = chosen(NOMINAL, site(np.ones((80, 50), bool), np.full((80, 50), hole)), rectangle())
         assert set(np.asarray(ours.status)) == {FootholdStatus.NONE}
         assert np.all(np.asarray(ours.offset) == 0.0)
 
@@ -186,33 +183,34 @@ def test_a_map_that_nobody_has_seen_gives_no_foothold():
 def test_the_lowest_foothold_is_where_the_leg_has_its_least_bend(pegasus, height, offset, step):
     """With the hip as low as the thigh is long over the ground, and the foot at the end of its sweep."""
     bend, thigh, ahead = 0.35, 0.26, abs(offset) + 0.5 * step
-    ours = reachable_heights(pegasus, gait(height=height, offset=offset, step=step), bend)
-    foot = jnp.array([ahead, pegasus.link_offset[0, :, 1].sum(), ours.lowest - thigh])
-    angles, status = leg_angles(pegasus.joint_axis[0], pegasus.link_offset[0], pegasus.knee_sign, foot)
+    ours = jax.jit(reachable_heights)(pegasus, gait(height=height, offset=offset, step=step), bend)
+    axis, link = (np.asarray(x)[0] for x in (pegasus.joint_axis, pegasus.link_offset))
+    foot = np.array([ahead, link[:, 1].sum(), ours.lowest - thigh])
+    angles, status = jax.jit(leg_angles)(axis, link, pegasus.knee_sign, foot)
     assert status == Reach.OK
-    np.testing.assert_allclose(knee_bend(pegasus.joint_axis[0], pegasus.link_offset[0], angles), bend, atol=1e-9)
+    np.testing.assert_allclose(jax.jit(knee_bend)(axis, link, angles), bend, atol=1e-9)
     np.testing.assert_allclose([ours.highest, ours.step], [height - thigh, step], atol=1e-12)
 
 
 def test_the_score_is_one_at_nominal_and_zero_in_the_corner():
-    box = rectangle()
-    corner = feasible_score(jnp.array([0.15, 0.04]), box)
-    assert feasible_score(jnp.zeros(2), box) == 1.0
-    assert abs(corner) < 1e-12  # both distances at their largest: f = 0
-    assert abs(feasible_score(jnp.array([0.19, 0.04]), box, 0.08)) < 1e-12
+    box, score = rectangle(), jax.jit(feasible_score)
+    assert score(np.zeros(2), box, 0.0) == 1.0
+    assert abs(score(np.array([0.15, 0.04]), box, 0.0)) < 1e-12  # both distances at their largest: f = 0
+    assert abs(score(np.array([0.19, 0.04]), box, 0.08)) < 1e-12
 
 
+@jax.jit
 def soft(weight, temperature, ground):
     return soft_offset(jnp.asarray(NOMINAL), ground.valid, ground.terrain, rectangle(w1=weight), ANYWHERE, EXTENT, temperature)
 
 
 def test_the_soft_choice_tends_to_the_exact_one_and_has_a_true_gradient():
     ground = site(np.random.default_rng(5).random((80, 50)) < 0.8)
-    exact = chosen(jnp.asarray(NOMINAL), ground, rectangle(w1=0.45))
-    assert exact.status[0] == FootholdStatus.NOMINAL
-    np.testing.assert_allclose(soft(0.45, 1e-5, ground), exact.offset[0], atol=1e-6)
-    slope = jax.jacfwd(soft)(0.45, 0.1, ground)
-    difference = (soft(0.45 + 1e-5, 0.1, ground) - soft(0.45 - 1e-5, 0.1, ground)) / 2e-5
+    exact = chosen(NOMINAL, ground, rectangle(w1=0.45))
+    assert np.asarray(exact.status)[0] == FootholdStatus.NOMINAL
+    np.testing.assert_allclose(soft(0.45, 1e-5, ground), np.asarray(exact.offset)[0], atol=1e-6)
+    slope = jax.jit(jax.jacfwd(soft))(0.45, 0.1, ground)
+    difference = np.subtract(soft(0.45 + 1e-5, 0.1, ground), soft(0.45 - 1e-5, 0.1, ground)) / 2e-5
     np.testing.assert_allclose(slope, difference, rtol=1e-5, atol=1e-9)
 
 
@@ -220,8 +218,10 @@ def test_the_soft_choice_tends_to_the_exact_one_and_has_a_true_gradient():
 def test_a_nominal_foothold_that_is_nowhere_finds_none(nowhere):
     """Not the map's first cell, which converting NaN to an integer gives."""
     ground = site(np.ones((80, 50), bool))
-    found = chosen(jnp.asarray(NOMINAL).at[1, 0].set(nowhere), ground, rectangle())
-    assert found.status[1] == FootholdStatus.NONE
+    nominal = NOMINAL.copy()
+    nominal[1, 0] = nowhere
+    found = chosen(nominal, ground, rectangle())
+    assert np.asarray(found.status)[1] == FootholdStatus.NONE
     assert np.isfinite(found.offset).all()
-    cell = nearest_cell(ground.terrain, jnp.array([nowhere, 0.0]))
+    cell = np.asarray(jax.jit(nearest_cell)(ground.terrain, np.array([nowhere, 0.0])))
     assert not 0 <= cell[0] < 80

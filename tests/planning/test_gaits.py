@@ -133,7 +133,7 @@ def test_a_swing_over_level_ground_is_the_least_one(swung, navigator):
 
 def test_holding_power_is_least_with_nearly_straight_legs(pegasus):
     """Paper A, Fig. 5: standing takes the most current in between, the least nearly straight; and it goes with R."""
-    up = jnp.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    up = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     power = jax.jit(lambda robot, h: holding_power(robot, jnp.asarray(FEET), h * up, jnp.ones(4)))
     high, low = power(pegasus, 0.56), power(pegasus, 0.42)
     assert 0.0 < high < 0.5 * low

@@ -192,8 +192,8 @@ def test_more_weight_on_cost_takes_longer_ways_over_cheaper_ground(maps):
 
 # Gradients, on one small map.
 
-SMALL, GOAL, START, SIZE = (9, 7), jnp.array([7, 5], jnp.int32), (1, 1), jnp.array([0.1, 0.15])
-WEIGHTS = PathWeights(jnp.array(0.4), jnp.array(0.6))
+SMALL, GOAL, START, SIZE = (9, 7), np.array([7, 5], np.int32), (1, 1), np.array([0.1, 0.15])
+WEIGHTS = PathWeights(np.array(0.4), np.array(0.6))
 
 
 @pytest.fixture(scope="module")
@@ -201,19 +201,20 @@ def cost():
     """A map with a wall, open at one end."""
     cost = np.random.default_rng(3).uniform(0.2, 1.0, (8, *SMALL))
     cost[:, 4, :5] = np.inf
-    return jnp.asarray(cost)
+    return cost
 
 
 @pytest.fixture(scope="module")
 def moves(cost):
-    return move_costs(cost, WEIGHTS, SIZE)
+    return np.asarray(jax.jit(move_costs)(cost, WEIGHTS, SIZE))
 
 
 def at_start(function):
-    return jax.jit(jax.value_and_grad(lambda moves, *rest: function(moves, GOAL, *rest)[START]))
+    both = jax.jit(jax.value_and_grad(lambda moves, *rest: function(moves, jnp.asarray(GOAL), *rest)[START]))
+    return lambda *values: jax.tree.map(np.asarray, both(*values))
 
 
-soft = at_start(soft_cost_to_go)
+exact_at_start, soft = at_start(cost_to_go), at_start(soft_cost_to_go)
 
 
 def divergence(flow):
@@ -226,7 +227,7 @@ def divergence(flow):
 
 @pytest.mark.parametrize("temperature", [0.01, 0.03, 0.08])
 def test_occupancy_is_a_flow_of_one_from_start_to_goal(moves, temperature):
-    flow = np.asarray(soft(moves, temperature)[1])
+    flow = soft(moves, temperature)[1]
     expected = np.zeros(SMALL)
     expected[START], expected[tuple(GOAL)] = 1.0, -1.0
     assert np.all(flow >= 0.0)
@@ -234,23 +235,23 @@ def test_occupancy_is_a_flow_of_one_from_start_to_goal(moves, temperature):
 
 
 def test_gradients_are_central_differences(moves):
-    chosen = np.argwhere(np.isfinite(np.asarray(moves)))[::9]
+    chosen = np.argwhere(np.isfinite(moves))[::9]
     bump = np.zeros((len(chosen), *moves.shape))
     bump[(np.arange(len(chosen)), *chosen.T)] = 1e-5
 
     @jax.jit
     @jax.vmap
     def values(moves):
-        return soft_cost_to_go(moves, GOAL, 0.05)[START], cost_to_go(moves, GOAL)[START]
+        goal = jnp.asarray(GOAL)
+        return soft_cost_to_go(moves, goal, 0.05)[START], cost_to_go(moves, goal)[START]
 
-    (soft_up, up), (soft_down, down) = values(moves[None] + bump), values(moves[None] - bump)
-    slopes = soft(moves, 0.05)[1], at_start(cost_to_go)(moves)[1]
-    for slope, difference in zip(slopes, (soft_up - soft_down, up - down)):
-        assert_allclose(np.asarray(slope)[tuple(chosen.T)], difference / 2e-5, atol=1e-6)
+    slopes = soft(moves, 0.05)[1], exact_at_start(moves)[1]
+    for slope, up, down in zip(slopes, values(moves[None] + bump), values(moves[None] - bump)):
+        assert_allclose(slope[tuple(chosen.T)], np.subtract(up, down) / 2e-5, atol=1e-6)
 
 
 def test_the_soft_form_tends_to_the_exact_path(moves):
-    value, flow = at_start(cost_to_go)(moves)
+    value, flow = exact_at_start(moves)
     assert set(np.unique(flow)) == {0.0, 1.0}
     assert_allclose(np.sum(flow * np.where(flow > 0, moves, 0.0)), value)
     cold, cold_flow = soft(moves, 1e-4)
@@ -267,39 +268,39 @@ def test_gradients_reach_costs_and_weights(cost):
     """The cost of a path by the weights: its way and its costs; by the cost of a cell: mu_2 where it is entered."""
 
     def total(cost, weights):
-        found = find_path(cost, jnp.array(START, jnp.int32), GOAL, weights, SIZE, 40)
+        found = find_path(cost, jnp.array(START, jnp.int32), jnp.asarray(GOAL), weights, jnp.asarray(SIZE), 40)
         return found.cost, found
 
     (_, found), (by_cost, by_weight) = jax.jit(jax.value_and_grad(total, (0, 1), has_aux=True))(cost, WEIGHTS)
-    heading, onto = (np.asarray(x) for x in (found.heading[: found.length - 1], found.cells[1 : found.length]))
+    found = jax.tree.map(np.asarray, found)
+    heading, onto = found.heading[: found.length - 1], found.cells[1 : found.length]
     expected = np.zeros(cost.shape)
     expected[heading, onto[:, 0], onto[:, 1]] = 0.6
     assert_allclose(by_cost, expected, atol=1e-12)
-    assert_allclose(by_weight.distance, np.hypot(*(STEPS[heading] * np.asarray(SIZE)).T).sum())
-    assert_allclose(by_weight.cost, np.asarray(cost)[heading, onto[:, 0], onto[:, 1]].sum())
+    assert_allclose(by_weight.distance, np.hypot(*(STEPS[heading] * SIZE).T).sum())
+    assert_allclose(by_weight.cost, cost[heading, onto[:, 0], onto[:, 1]].sum())
 
 
 def test_lanes_may_share_a_map_or_a_goal(moves):
     one = np.asarray(jax.jit(cost_to_go)(moves, GOAL))
-    many, goals = jnp.stack([moves, 2.0 * moves]), jnp.stack([GOAL, GOAL])
+    many, goals = np.stack([moves, 2.0 * moves]), np.stack([GOAL, GOAL])
     assert_allclose(jax.jit(jax.vmap(cost_to_go, (0, None)))(many, GOAL), np.stack([one, 2.0 * one]))
     assert_allclose(jax.jit(jax.vmap(cost_to_go, (None, 0)))(moves, goals), np.stack([one, one]))
 
 
+@jax.jit
+def search(cost, start, goal, weights):
+    return find_path(cost, start, goal, weights, jnp.array([0.1, 0.1]), LONGEST).status
+
+
 def test_ends_that_are_nowhere_are_blocked():
     """Off the map by a million cells, as `nearest_cell` has what is not a number."""
-    cost = jnp.full((8, *SHAPE), 0.5)
-    here, nowhere = jnp.array([3, 4], jnp.int32), jnp.array([-(2**20), 4], jnp.int32)
-    weights = PathWeights(jnp.asarray(0.4), jnp.asarray(0.6))
-    run = jax.jit(lambda a, b: find_path(cost, a, b, weights, jnp.array([0.1, 0.1]), LONGEST).status)
-    assert [run(here, here), run(nowhere, here), run(here, nowhere)] == [
-        PathStatus.OK,
-        PathStatus.START_BLOCKED,
-        PathStatus.GOAL_BLOCKED,
-    ]
+    cost, weights = np.full((8, *SHAPE), 0.5), PathWeights(0.4, 0.6)
+    here, nowhere = np.array([3, 4], np.int32), np.array([-(2**20), 4], np.int32)
+    found = [int(search(cost, *ends, weights)) for ends in ((here, here), (nowhere, here), (here, nowhere))]
+    assert found == [PathStatus.OK, PathStatus.START_BLOCKED, PathStatus.GOAL_BLOCKED]
 
 
 def test_weights_that_are_not_finite_give_no_path():
-    cost, ends = jnp.full((8, *SHAPE), 0.5), (jnp.array([3, 4], jnp.int32), jnp.array([9, 9], jnp.int32))
-    weights = PathWeights(jnp.asarray(jnp.nan), jnp.asarray(0.6))
-    assert find_path(cost, *ends, weights, jnp.array([0.1, 0.1]), LONGEST).status != PathStatus.OK
+    cost, ends = np.full((8, *SHAPE), 0.5), np.array([[3, 4], [9, 9]], np.int32)
+    assert search(cost, *ends, PathWeights(np.nan, 0.6)) != PathStatus.OK

@@ -11,7 +11,7 @@ from jaxleg.energy import electrical
 from jaxleg.plan import PlanStatus
 from jaxleg.planning.crawl import crawl
 from jaxleg.planning.proxy import evaluate
-from tests.planning.conftest import GRID, TERRAINS, gait, settings
+from tests.planning.conftest import gait, settings, terrain_of
 
 pytestmark = pytest.mark.slow  # the proxy's gradient is long to compile
 
@@ -20,7 +20,7 @@ NAMES = [field.name for field in dataclasses.fields(gait())]
 
 @pytest.fixture(scope="module")
 def cost(pegasus):
-    terrain = TERRAINS["rough"](GRID)
+    terrain = terrain_of("rough")
 
     def energy(vector):
         params = type(gait())(*vector)
@@ -29,7 +29,8 @@ def cost(pegasus):
         total = jax.tree.map(jnp.sum, seen.energy)
         return electrical(total, "positive") / seen.distance, seen.checks
 
-    return jax.jit(energy), jax.jit(jax.grad(energy, has_aux=True)), jax.jit(jax.jacfwd(lambda v: energy(v)[0]))
+    functions = energy, jax.grad(energy, has_aux=True), jax.jacfwd(lambda v: energy(v)[0])
+    return tuple(jax.jit(function) for function in functions)
 
 
 def vector(**changes):

@@ -1,8 +1,6 @@
 """The proxy against the same walk sampled finely and worked out by MuJoCo, scipy and the trapezoid rule; and a lane without a
 foothold among others."""
 
-import functools
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,11 +11,11 @@ from jaxleg.plan import FootholdStatus, PlanStatus
 from jaxleg.planning.crawl import crawl
 from jaxleg.planning.proxy import evaluate
 from jaxleg.planning.reference import instants, to_reference
-from tests.motions import QUICK, Mujoco
-from tests.planning.conftest import GRID, TERRAINS, gait, settings
+from tests.motions import Mujoco
+from tests.planning.conftest import gait, in_numpy, settings, terrain_of
 
 FINE = (121, 301)  # samples a shift and a swing
-TERRAIN = TERRAINS["rough"](GRID)
+TERRAIN = terrain_of("rough")
 OFFSETS = 0.02 * np.random.default_rng(4).normal(size=(2, 4, 2))
 CHOICE = np.zeros((2, 2, 4), np.int32)
 CHOICE[0, 1, 2] = FootholdStatus.NONE  # the first lane's left hind leg finds no foothold
@@ -26,30 +24,31 @@ CHOICE[1] = FootholdStatus.NEAREST
 
 @pytest.fixture(scope="module")
 def lanes(pegasus):
-    """Two lanes that differ in their status alone: proxies, and times and instants of fine samples."""
+    """Two lanes that differ in their status alone: walks, proxies, and references and instants of fine samples."""
 
-    @functools.partial(jax.jit, compiler_options=QUICK)
+    @jax.jit
     @jax.vmap
     def run(status):
         walk = crawl(pegasus, gait(0.47), settings(), TERRAIN, jnp.asarray(OFFSETS), status)
-        return walk, evaluate(pegasus, walk, settings()), instants(pegasus, walk, settings(), FINE)
+        time, at = instants(pegasus, walk, settings(), FINE)
+        return walk, evaluate(pegasus, walk, settings()), to_reference(time, at), at
 
-    return run(jnp.asarray(CHOICE))
+    walk, *rest = run(CHOICE)
+    return in_numpy(walk), *jax.tree.map(np.asarray, rest)
 
 
 @pytest.fixture(scope="module")
 def sampled(lanes):
     """The good lane: its proxy, the reference and MuJoCo's configuration at each fine sample."""
-    proxy, (time, at) = jax.tree.map(lambda x: x[1], lanes[1:])
-    track = to_reference(time, at)
-    q = np.concatenate([track.trunk_pos, track.trunk_quat, np.asarray(track.joint_pos).reshape(-1, 12)], axis=1)
+    proxy, track, at = jax.tree.map(lambda x: x[1], lanes[1:])
+    q = np.concatenate([track.trunk_pos, track.trunk_quat, track.joint_pos.reshape(-1, 12)], axis=1)
     return proxy, track, at, q
 
 
 def test_energy_is_the_integral_of_torque_times_speed_and_of_heat(sampled):
     proxy, track, _, _ = sampled
-    torque, time = np.asarray(track.joint_torque), np.asarray(track.time)
-    mechanical = torque * np.asarray(track.joint_vel)
+    torque, time = track.joint_torque, track.time
+    mechanical = torque * track.joint_vel
     watts = mechanical, np.maximum(mechanical, 0.0), (torque / (0.217 * 44.5)) ** 2 * 2.28
     for found, power, near in zip(proxy.energy, watts, (0.01, 0.04, 5e-3)):  # the second has kinks
         np.testing.assert_allclose(found, np.trapezoid(power, time, axis=0), rtol=near, atol=0.02)
@@ -67,7 +66,7 @@ def test_the_margin_is_the_least_of_the_centre_of_mass_in_the_hull_of_the_loaded
     proxy, track, _, q = sampled
     mujocos, margins = Mujoco(pegasus), []
     for k in range(0, len(q), 5):
-        body, loaded = mujocos(q[k]), np.asarray(track.contact)[k] > 0.01
+        body, loaded = mujocos(q[k]), track.contact[k] > 0.01
         sides = ConvexHull(body.feet[loaded, :2]).equations
         margins.append(np.min(-sides[:, :2] @ body.com[:2] - sides[:, 2]))
     np.testing.assert_allclose(proxy.checks.margin, min(margins), atol=1e-3)
@@ -88,9 +87,9 @@ def test_the_knees_bend_is_the_least_between_thigh_and_shank(sampled, pegasus):
 
 def test_torque_and_joint_room_are_the_worst_of_the_walk(sampled, pegasus):
     proxy, track, _, _ = sampled
-    ratio = np.abs(np.asarray(track.joint_torque)).max() / 60.0
+    ratio = np.abs(track.joint_torque).max() / 60.0
     np.testing.assert_allclose(proxy.checks.torque_ratio, ratio, rtol=0.01)
-    angles, spans = np.asarray(track.joint_pos), np.asarray(pegasus.joint_range)
+    angles, spans = track.joint_pos, np.asarray(pegasus.joint_range)
     room = np.minimum(angles - spans[..., 0], spans[..., 1] - angles).min()
     np.testing.assert_allclose(proxy.checks.joint_room, room, atol=2e-3)
 
@@ -98,7 +97,7 @@ def test_torque_and_joint_room_are_the_worst_of_the_walk(sampled, pegasus):
 def test_the_load_is_the_least_of_a_standing_foot_over_a_quarter_of_the_weight(sampled):
     """`at.load` itself is held against inverse dynamics in test_reference_in_motion."""
     proxy, track, at, _ = sampled
-    load = np.where(np.asarray(track.contact) > 0.01, np.asarray(at.load), np.inf)
+    load = np.where(track.contact > 0.01, at.load, np.inf)
     np.testing.assert_allclose(proxy.checks.load, load.min() / (0.25 * 35.2 * 9.81), atol=0.01)
     assert proxy.checks.load < 0.5
 
@@ -108,7 +107,7 @@ def test_the_lowering_is_the_walks(lanes):
 
 
 def test_a_leg_without_a_foothold_makes_its_lane_infeasible_and_no_other(lanes):
-    walk, proxy, _ = lanes
+    walk, proxy, *_ = lanes
     assert proxy.checks.status.tolist() == [PlanStatus.NO_FOOTHOLD, PlanStatus.OK]
     for numbers in (walk.footholds, walk.waypoints, *proxy.energy, proxy.checks.margin):
         np.testing.assert_array_equal(numbers[0], numbers[1])

@@ -1,5 +1,6 @@
 """The reference of a trunk that moves and turns about all axes, over standing and swinging feet, against MuJoCo and scipy."""
 
+import jax
 import mujoco
 import numpy as np
 import pytest
@@ -15,8 +16,7 @@ INSIDE = [k for k in range(3, sum(SAMPLES) - 3, 7) if np.abs(k - BREAKS).min() >
 
 @pytest.fixture(scope="module")
 def moved(pegasus):
-    time, at, track = step_instants(pegasus, TERRAIN, SECONDS, SAMPLES)
-    return np.asarray(time), at, track
+    return jax.tree.map(np.asarray, step_instants(pegasus, TERRAIN, SECONDS, SAMPLES))
 
 
 def rates(time, values):
@@ -33,18 +33,18 @@ def test_the_samples_are_equally_spaced_in_each_phase(moved):
 
 def test_joints_move_at_the_rates_of_their_angles(moved):
     time, at, _ = moved
-    np.testing.assert_allclose(rates(time, at.angles), np.asarray(at.velocity)[INSIDE], atol=2e-4)
-    np.testing.assert_allclose(rates(time, at.velocity), np.asarray(at.acceleration)[INSIDE], atol=2e-2)
+    np.testing.assert_allclose(rates(time, at.angles), at.velocity[INSIDE], atol=2e-4)
+    np.testing.assert_allclose(rates(time, at.velocity), at.acceleration[INSIDE], atol=2e-2)
     assert np.abs(at.velocity).max() > 1.0
-    assert np.abs(np.asarray(at.acceleration)).max() > 20.0
+    assert np.abs(at.acceleration).max() > 20.0
 
 
 def test_the_trunk_moves_and_spins_at_the_rates_of_its_pose(moved):
     time, _, track = moved
-    np.testing.assert_allclose(rates(time, track.trunk_pos), np.asarray(track.trunk_vel)[INSIDE, :3], atol=1e-6)
+    np.testing.assert_allclose(rates(time, track.trunk_pos), track.trunk_vel[INSIDE, :3], atol=1e-6)
     turns, k = Rotation.from_quat(np.roll(track.trunk_quat, -1, axis=1)), np.array(INSIDE)
     spin = (turns[k - 1].inv() * turns[k + 1]).as_rotvec() / (time[k + 1] - time[k - 1])[:, None]  # in B
-    np.testing.assert_allclose(spin, np.asarray(track.trunk_vel)[k, 3:], atol=2e-4)
+    np.testing.assert_allclose(spin, track.trunk_vel[k, 3:], atol=2e-4)
     assert np.abs(spin).max(axis=0).min() > 0.1
 
 
@@ -52,7 +52,7 @@ def test_the_angles_put_the_feet_where_the_plan_has_them(moved, pegasus):
     _, at, track = moved
     mujocos = Mujoco(pegasus)
     for k in INSIDE:
-        body = mujocos(np.concatenate([track.trunk_pos[k], track.trunk_quat[k], np.asarray(track.joint_pos[k]).ravel()]))
+        body = mujocos(np.concatenate([track.trunk_pos[k], track.trunk_quat[k], track.joint_pos[k].ravel()]))
         np.testing.assert_allclose(body.feet, track.foot_pos[k], atol=1e-9)
         np.testing.assert_allclose(body.com, at.com[k], atol=1e-9)
 
@@ -65,19 +65,19 @@ def test_the_torques_and_the_ground_together_make_the_motion(moved, pegasus):
     time, at, track = moved
     mujocos = Mujoco(pegasus)
     model, data = mujocos.model, mujocos.data
-    velocity = np.concatenate([track.trunk_vel, np.asarray(track.joint_vel).reshape(-1, 12)], axis=1)
+    velocity = np.concatenate([track.trunk_vel, track.joint_vel.reshape(-1, 12)], axis=1)
     for k, acceleration in zip(INSIDE, rates(time, velocity)):
-        q = np.concatenate([track.trunk_pos[k], track.trunk_quat[k], np.asarray(track.joint_pos[k]).ravel()])
+        q = np.concatenate([track.trunk_pos[k], track.trunk_quat[k], track.joint_pos[k].ravel()])
         body = mujocos(q, velocity[k])
         data.qacc[:] = acceleration
         mujoco.mj_inverse(model, data)
-        rest = data.qfrc_inverse - np.concatenate([np.zeros(6), np.asarray(track.joint_torque[k]).ravel()])
+        rest = data.qfrc_inverse - np.concatenate([np.zeros(6), track.joint_torque[k].ravel()])
         force = np.stack(
             [np.linalg.solve(body.jacobian[i, :, 6 + 3 * i : 9 + 3 * i].T, rest[6 + 3 * i : 9 + 3 * i]) for i in range(4)]
         )
         np.testing.assert_allclose(np.einsum("lik,li->k", body.jacobian[:, :, :6], force), rest[:6], atol=0.2)
-        weight = np.asarray(track.contact)[k]
-        np.testing.assert_allclose(force[:, 2], weight * np.asarray(at.load)[k], atol=0.2)
+        weight = track.contact[k]
+        np.testing.assert_allclose(force[:, 2], weight * at.load[k], atol=0.2)
         if weight[SWINGS] == 0.0:
             np.testing.assert_allclose(force[SWINGS], 0.0, atol=0.1)
         assert np.all(np.delete(force[:, 2], SWINGS) > 5.0)
@@ -85,7 +85,7 @@ def test_the_torques_and_the_ground_together_make_the_motion(moved, pegasus):
 
 def test_load_is_taken_off_a_foot_before_it_moves_and_given_back_after(moved):
     _, _, track = moved
-    weight, height = np.asarray(track.contact)[:, SWINGS], np.asarray(track.foot_pos)[:, SWINGS, 2]
+    weight, height = track.contact[:, SWINGS], track.foot_pos[:, SWINGS, 2]
     swing = np.arange(SAMPLES[1] + 1) / SAMPLES[1]
     np.testing.assert_allclose(weight[: SAMPLES[0]], 1.0)
     outer = np.clip(np.minimum(swing, 1.0 - swing) / 0.1, 0.0, 1.0)
@@ -94,4 +94,4 @@ def test_load_is_taken_off_a_foot_before_it_moves_and_given_back_after(moved):
     still = (swing <= 0.1) | (swing >= 0.9)
     assert np.ptp(height[SAMPLES[0] :][swing <= 0.1]) == 0.0
     assert np.all(weight[SAMPLES[0] :][~still] < 1e-12)
-    np.testing.assert_array_equal(np.delete(np.asarray(track.contact), SWINGS, axis=1), 1.0)
+    np.testing.assert_array_equal(np.delete(track.contact, SWINGS, axis=1), 1.0)

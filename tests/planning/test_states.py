@@ -1,5 +1,6 @@
 """Candidate states: the order of paper C (28), adjustments from the default outwards, the pruning rules."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -7,6 +8,8 @@ import pytest
 from jaxleg.planning.states import Adjustments, Cause, Counts, adjustment, outwards, place_of, pruned
 
 COUNTS = Counts(footholds=3, rolls=3, pitches=5, heights=3)
+place = jax.jit(place_of, static_argnums=1)
+gone_by = jax.jit(pruned, static_argnums=2)
 STEPS = Adjustments(*(jnp.array(x) for x in (0.46, 0.03, 0.1, 0.2)))
 
 
@@ -21,7 +24,7 @@ def everything():
 
 
 def test_height_is_adjusted_first_then_pitch_roll_and_the_foothold_last():
-    places = np.stack(place_of(np.arange(COUNTS.candidates), COUNTS), axis=1)
+    places = np.stack(place(np.arange(COUNTS.candidates), COUNTS), axis=1)
     assert [tuple(map(int, row)) for row in places] == everything()
     assert len(everything()) == COUNTS.candidates
 
@@ -29,7 +32,7 @@ def test_height_is_adjusted_first_then_pitch_roll_and_the_foothold_last():
 def test_adjustments_go_outwards_from_the_default():
     assert list(outwards(5)) == [0, 1, -1, 2, -2]
     assert list(outwards(1)) == [0]
-    values = np.asarray(adjustment(place_of(np.arange(COUNTS.candidates), COUNTS), STEPS, COUNTS))
+    values = np.asarray(jax.jit(adjustment, static_argnums=2)(place(np.arange(COUNTS.candidates), COUNTS), STEPS, COUNTS))
     np.testing.assert_allclose(values[0], [0.46, 0.0, 0.0])
     np.testing.assert_allclose(values[:3, 0], [0.46, 0.49, 0.43])
     np.testing.assert_allclose(np.unique(values[:, 1].round(9)), [-0.2, -0.1, 0.0, 0.1, 0.2])
@@ -53,4 +56,4 @@ def test_pruning_is_the_papers_rules(cause):
             }.get(cause, False)
 
         expected = [gone(other) for other in everything()]
-        np.testing.assert_array_equal(pruned(jnp.array(number), jnp.array(int(cause)), COUNTS), expected)
+        np.testing.assert_array_equal(gone_by(number, int(cause), COUNTS), expected)

@@ -8,8 +8,16 @@ import pytest
 from jaxleg.planning.stations import Stride, smooth_route, stations
 
 STRIDE = Stride(*(jnp.array(x) for x in (0.2, np.deg2rad(15.0), 0.35)))
-make = jax.jit(lambda points, length, window: smooth_route(points, length, jnp.array(0.02), window, 400))
-along = jax.jit(lambda route, yaw: stations(route, STRIDE, yaw, 120))
+smoothed = jax.jit(lambda points, length, window: smooth_route(points, length, jnp.array(0.02), window, 400))
+placed = jax.jit(lambda route, yaw: stations(route, STRIDE, yaw, 120))
+
+
+def make(points, length, window=0.5):
+    return jax.tree.map(np.asarray, smoothed(points, length, window))
+
+
+def along(route, yaw=0.0):
+    return jax.tree.map(np.asarray, placed(route, yaw))
 
 
 def corner(angle, cells=60):
@@ -18,16 +26,16 @@ def corner(angle, cells=60):
     first = np.column_stack([ahead, np.zeros(cells)])
     second = first[-1] + ahead[1:, None] * [np.cos(angle), np.sin(angle)]
     path = np.concatenate([first, second])
-    return jnp.asarray(np.concatenate([path, np.repeat(path[-1:], 30, axis=0)])), jnp.array(len(path))
+    return np.concatenate([path, np.repeat(path[-1:], 30, axis=0)]), len(path)
 
 
 def test_a_straight_path_stays_what_it_is():
-    route = make(*corner(0.0), jnp.array(0.5))
+    route = make(*corner(0.0))
     np.testing.assert_allclose(route.length, 4.0, atol=1e-9)
     np.testing.assert_allclose(route.xy[:200], np.column_stack([0.02 * np.arange(200), np.zeros(200)]), atol=1e-9)
     np.testing.assert_allclose(route.xy[200:], np.broadcast_to([4.0, 0.0], (200, 2)), atol=1e-9)
     np.testing.assert_allclose(route.direction[:200], 0.0, atol=1e-9)
-    found = along(route, jnp.array(0.0))
+    found = along(route)
     assert found.count == 40  # half cycles of 0.1 m
     np.testing.assert_allclose(np.diff(found.xy[:40, 0]), 0.1, atol=1e-6)
 
@@ -35,14 +43,14 @@ def test_a_straight_path_stays_what_it_is():
 @pytest.mark.parametrize("degrees", [45.0, 90.0, 135.0])
 def test_corners_are_rounded_and_turned_by_bounded_steps(degrees):
     points, length = corner(np.deg2rad(degrees))
-    route = make(points, length, jnp.array(0.5))
-    ends = np.asarray(route.xy)[[0, -1]]
-    np.testing.assert_allclose(ends, np.asarray(points)[[0, -1]], atol=1e-9)
-    apart = np.min(np.linalg.norm(np.asarray(route.xy)[:, None] - np.asarray(points), axis=-1), axis=1)
+    route = make(points, length)
+    ends = route.xy[[0, -1]]
+    np.testing.assert_allclose(ends, points[[0, -1]], atol=1e-9)
+    apart = np.min(np.linalg.norm(route.xy[:, None] - points, axis=-1), axis=1)
     assert apart.max() < 0.5 * 0.5  # nowhere further from the path than half the window
     assert np.abs(np.diff(route.direction)).max() < np.deg2rad(degrees) / 3.0  # the path's own corner is one jump
-    found = along(route, jnp.array(0.0))
-    yaw, xy, count = np.asarray(found.yaw), np.asarray(found.xy), int(found.count)
+    found = along(route)
+    yaw, xy, count = found.yaw, found.xy, int(found.count)
     turn, stride = np.abs(np.diff(yaw)), np.linalg.norm(np.diff(xy, axis=0), axis=1)
     assert turn.max() <= np.deg2rad(7.5) + 1e-9  # half a cycle's
     assert np.all(stride[: count - 1] + 0.35 * turn[: count - 1] <= 0.1 + 1e-6)
@@ -53,13 +61,13 @@ def test_corners_are_rounded_and_turned_by_bounded_steps(degrees):
 def test_a_path_that_crosses_west_does_not_jump_by_a_full_turn():
     points, length = corner(np.deg2rad(40.0))
     west = points @ np.array([[-np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), -np.cos(0.3)]])
-    route = make(west, length, jnp.array(0.5))
+    route = make(west, length)
     assert np.abs(np.diff(route.direction)).max() < 0.3
 
 
 def test_a_path_of_one_cell_has_arrived():
     points = 0.3 + 0.0 * corner(0.0)[0]
-    found = along(make(points, jnp.array(1), jnp.array(0.5)), jnp.array(0.4))
+    found = along(make(points, 1), 0.4)
     assert found.count == 0
     assert np.all(np.isfinite(found.xy))
     assert np.all(np.isfinite(found.yaw))

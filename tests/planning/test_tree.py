@@ -102,12 +102,12 @@ def test_looking_ahead_is_a_fresh_search_at_every_step(depth):
 
 def test_looking_further_ahead_avoids_dead_ends():
     data = tables(5)
-    solved = [np.mean(run(*data, depth, 10**6).status == SearchStatus.FOUND) for depth in (1, 3, STEPS)]
+    solved = [np.mean(np.asarray(run(*data, depth, 10**6).status) == SearchStatus.FOUND) for depth in (1, 3, STEPS)]
     assert solved[0] < solved[1] < solved[2]
 
 
 def test_a_spent_budget_has_its_own_status():
-    found = run(*tables(0), STEPS, 7)
+    found = jax.tree.map(np.asarray, run(*tables(0), STEPS, 7))
     spent = found.status == SearchStatus.BUDGET
     assert np.any(spent)
     assert np.all(found.visited[spent] == 7)

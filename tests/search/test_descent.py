@@ -15,7 +15,7 @@ from jaxleg.search.descent import Lanes, bounded, descend, free_gradient, make_o
 from jaxleg.search.lanes import Setting
 from tests.stand_ins import StandInLab
 
-BOUNDS = jnp.array([[0.4, 0.6], [-0.2, 0.1], [0.3, 0.3]])  # the last one is held
+BOUNDS = np.array([[0.4, 0.6], [-0.2, 0.1], [0.3, 0.3]])  # the last one is held
 TARGET = np.array([0.45, 0.0, 0.0])
 
 
@@ -38,34 +38,35 @@ def lanes(number):
 
 
 def test_bounds_hold_and_come_back():
-    free = jnp.array([[-50.0, 0.0, 7.0], [0.7, -1.3, 0.0]])
-    inside = np.asarray(bounded(free, jnp.tile(BOUNDS, (2, 1, 1))))
-    low, high = np.asarray(BOUNDS).T
+    free = np.array([[-50.0, 0.0, 7.0], [0.7, -1.3, 0.0]])
+    inside = np.asarray(bounded(free, np.tile(BOUNDS, (2, 1, 1))))
+    low, high = BOUNDS.T
     assert np.all((inside >= low) & (inside <= high))
     assert_allclose(inside[0], [0.4, -0.05, 0.3])
     assert_allclose(inside[1, 0], 0.4 + 0.2 / (1.0 + np.exp(-0.7)))
-    assert_allclose(unbounded(jnp.asarray(inside[1]), BOUNDS), [0.7, -1.3, 0.0], rtol=1e-9)
+    assert_allclose(unbounded(inside[1], BOUNDS), [0.7, -1.3, 0.0], rtol=1e-9)
 
 
 def test_a_start_near_a_bound_is_moved_off_it():
-    at_the_edge = jnp.array([0.4, 0.1, 0.3])
+    at_the_edge = np.array([0.4, 0.1, 0.3])
     assert_allclose(bounded(unbounded(at_the_edge, BOUNDS), BOUNDS), [0.41, 0.085, 0.3])
     assert_allclose(bounded(unbounded(at_the_edge, BOUNDS, least=1e-3), BOUNDS), [0.4002, 0.0997, 0.3])
 
 
 def test_the_gradient_passes_through_the_bounds():
-    free = jnp.array([0.4, -2.0, 1.0])
+    free = np.array([0.4, -2.0, 1.0])
     value = lambda x: jnp.sum(jnp.sin(5.0 * x))  # noqa: E731
-    wanted = jax.grad(lambda f: value(bounded(f, BOUNDS)))(free)
-    assert_allclose(free_gradient(free, BOUNDS, jax.grad(value)(bounded(free, BOUNDS))), wanted, rtol=1e-12)
+    wanted = np.asarray(jax.jit(jax.grad(lambda f: value(bounded(f, BOUNDS))))(free))
+    slope = jax.jit(jax.grad(value))(bounded(free, BOUNDS))
+    assert_allclose(free_gradient(free, BOUNDS, slope), wanted, rtol=1e-12)
     assert wanted[2] == 0.0
 
 
 def test_searches_start_at_what_is_known():
     """Two searches with three starts each: the known sets come first in either, the third is drawn."""
-    known = jnp.array([[0.5, 0.0, 0.3], [0.55, -0.1, 0.3]])
-    narrow = BOUNDS.at[0].set(jnp.array([0.48, 0.52]))
-    spans = jnp.concatenate([jnp.tile(BOUNDS, (3, 1, 1)), jnp.tile(narrow, (3, 1, 1))])
+    known = np.array([[0.5, 0.0, 0.3], [0.55, -0.1, 0.3]])
+    narrow = np.concatenate([[[0.48, 0.52]], BOUNDS[1:]])
+    spans = np.concatenate([np.tile(BOUNDS, (3, 1, 1)), np.tile(narrow, (3, 1, 1))])
     state = start(jax.random.key(0), known, spans, 3, optax.adam(0.1))
     points = np.asarray(bounded(state.free, spans))
     assert_allclose(points[[0, 1]], known, atol=1e-12)
@@ -75,8 +76,8 @@ def test_searches_start_at_what_is_known():
 
 
 def test_terrains_are_seen_in_turn_by_every_run():
-    bowl, spans, optimiser = Bowl(), jnp.tile(BOUNDS, (2, 1, 1)), make_optimiser(0.1, 10)
-    state = start(jax.random.key(0), jnp.zeros((0, 3)), spans, 2, optimiser)
+    bowl, spans, optimiser = Bowl(), jnp.asarray(np.tile(BOUNDS, (2, 1, 1))), make_optimiser(0.1, 10)
+    state = start(jax.random.key(0), np.zeros((0, 3)), spans, 2, optimiser)
     for _ in range(3):
         state, _ = descend(bowl, lanes(5), spans, state, 2, optimiser)
     assert bowl.seen == [[0, 1, 0, 1], [2, 3, 2, 3], [4, 0, 4, 0]]
@@ -87,33 +88,34 @@ def test_terrains_are_seen_in_turn_by_every_run():
 
 def test_a_step_is_adams_on_the_mean_over_the_lanes_that_can_be_used():
     """Adam's first step is the rate against the gradient's sign, whatever its size; the mean objective says what is lost."""
-    bowl, spans, optimiser = Bowl(), BOUNDS[None], make_optimiser(0.1, 10)
-    begin = descent.Descent(jnp.array([[0.5, -1.0, 0.2]]), optimiser.init(jnp.zeros((1, 3))), jnp.asarray(1, jnp.int32))
+    bowl, spans, optimiser = Bowl(), jnp.asarray(BOUNDS[None]), make_optimiser(0.1, 10)
+    free = np.array([[0.5, -1.0, 0.2]])
+    begin = descent.Descent(free, jax.jit(optimiser.init)(free), np.array(1, np.int32))
     after, objective = descend(bowl, lanes(4), spans, begin, 2, optimiser)
     assert bowl.seen == [[2, 3]]
-    assert_allclose(after.free - begin.free, [[-0.1, -0.1, 0.0]], atol=1e-6)
+    assert_allclose(np.subtract(after.free, begin.free), [[-0.1, -0.1, 0.0]], atol=1e-6)
     assert objective == np.inf
     assert int(after.step) == 2
     here = np.asarray(bounded(begin.free, spans))[0]
-    begin = begin._replace(step=jnp.asarray(0, jnp.int32))
+    begin = begin._replace(step=np.array(0, np.int32))
     _, objective = descend(bowl, lanes(4), spans, begin, 2, optimiser)
     assert_allclose(objective, [np.sum((here - TARGET) ** 2) + 0.5])
     mean = (2.0 * (here - TARGET) + 0.5)[None]
-    slope = free_gradient(begin.free, spans, jnp.asarray(mean))
+    slope = free_gradient(begin.free, spans, mean)
     with foreign():
-        update, _ = optimiser.update(slope, begin.moments)
+        update, _ = jax.jit(optimiser.update)(slope, begin.moments)
     assert_allclose(update, [[-0.1, -0.1, 0.0]], atol=1e-6)
 
 
 def test_it_finds_the_bottom_and_its_rate_falls_to_a_tenth():
-    spans, optimiser = jnp.tile(BOUNDS, (3, 1, 1)), make_optimiser(0.2, 200)
-    state = start(jax.random.key(1), jnp.zeros((0, 3)), spans, 3, optimiser)
+    spans, optimiser = jnp.asarray(np.tile(BOUNDS, (3, 1, 1))), make_optimiser(0.2, 200)
+    state = start(jax.random.key(1), np.zeros((0, 3)), spans, 3, optimiser)
     moved = []
     for _ in range(200):
         before = state.free
         state, _ = descend(Bowl(), lanes(1), spans, state, 1, optimiser)
-        moved.append(float(jnp.max(jnp.abs(state.free - before))))
-    assert_allclose(bounded(state.free, spans)[:, :2], np.tile(TARGET[:2], (3, 1)), atol=2e-3)
+        moved.append(np.max(np.abs(np.subtract(state.free, before))))
+    assert_allclose(np.asarray(bounded(state.free, spans))[:, :2], np.tile(TARGET[:2], (3, 1)), atol=2e-3)
     assert moved[0] == pytest.approx(0.2, rel=1e-3)
-    schedule = [optax.cosine_decay_schedule(0.2, 200, 0.1)(i) for i in (0, 100, 200)]
-    assert_allclose(schedule, [0.2, 0.11, 0.02], rtol=1e-6)
+    schedule = optax.cosine_decay_schedule(0.2, 200, 0.1)
+    assert_allclose(jax.jit(schedule)(np.array([0.0, 100.0, 200.0])), [0.2, 0.11, 0.02], rtol=1e-6)

@@ -1,7 +1,6 @@
 """Contact of one foot against numbers worked out by hand: the spring, its damping, Coulomb and viscous friction, slopes."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -19,7 +18,7 @@ def contact(depth, velocity=(0.0, 0.0, 0.0), slope=(0.0, 0.0), dt=DT, ground=GRO
     """Contact of a foot whose sphere is so deep in a plane, under the origin."""
     normal = np.array([-slope[0], -slope[1], 1.0]) / np.sqrt(1.0 + slope[0] ** 2 + slope[1] ** 2)
     centre = (RADIUS - depth) * normal
-    return touch(ground, sloping(*slope), RADIUS, jnp.asarray(centre), jnp.asarray(velocity), dt)
+    return touch(ground, sloping(*slope), RADIUS, centre, np.asarray(velocity), dt)
 
 
 def on_foot(seen, velocity):

@@ -1,7 +1,6 @@
 """The engine's terms against C MuJoCo."""
 
 import jax
-import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ def pair(pegasus):
     data.qpos[:], data.qvel[:] = rng.uniform(-1.0, 1.0, 19), rng.normal(size=18)
     data.qpos[3:7] /= np.linalg.norm(data.qpos[3:7])
     mujoco.mj_forward(model, data)
-    terms = jax.jit(mjx_engine(pegasus))(jnp.array(data.qpos), jnp.array(data.qvel))
+    terms = jax.jit(mjx_engine(pegasus))(data.qpos, data.qvel)
     return jax.tree.map(np.asarray, terms), model, data
 
 

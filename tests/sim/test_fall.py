@@ -47,19 +47,24 @@ TRUNK_MEETS = {
     "unseen under a foot": (block((0.26, 0.34), (0.1, 0.3), np.nan), True),
 }
 EXPECTED = [fell for _, fell in TRUNK_MEETS.values()]
-GROUNDS = dataclasses.replace(LEVEL, elevation=jnp.array([ground for ground, _ in TRUNK_MEETS.values()]))
+GROUNDS = np.array([ground for ground, _ in TRUNK_MEETS.values()])
 LANES = dataclasses.replace(LEVEL, elevation=0, origin=None, resolution=None)
 
 
 @pytest.fixture(scope="module")
 def standing(pegasus):
     """A reference that stands for 0.3 s."""
-    return reference(pegasus, up_down(pegasus, gait(), LEVEL, HEIGHT, HEIGHT, 0.05), settings(), (2, 2))
+
+    @jax.jit
+    def stand(robot):
+        return reference(robot, up_down(robot, gait(), LEVEL, HEIGHT, HEIGHT, 0.05), settings(), (2, 2))
+
+    return jax.tree.map(np.asarray, stand(pegasus))
 
 
 @pytest.fixture(scope="module")
 def simulated(pegasus):
-    """Meters by `simulate`, and the same walks by `follow`."""
+    """Meters by `simulate`, and the same walks by `follow`: grounds (lane, nx, ny) and as many references."""
     engine = mjx_engine(pegasus)
 
     def lane(terrain, track):
@@ -69,11 +74,10 @@ def simulated(pegasus):
             engine, pegasus, Ground(), terrain, track, *numbers
         )
 
-    return jax.jit(jax.vmap(lane, in_axes=(LANES, 0)))
-
-
-def many(track, count):
-    return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), track)
+    run = jax.jit(jax.vmap(lane, in_axes=(LANES, 0)))
+    return lambda grounds, tracks: jax.tree.map(
+        np.asarray, run(dataclasses.replace(LEVEL, elevation=grounds), jax.tree.map(lambda *x: np.stack(x), *tracks))
+    )
 
 
 def single(elevation):
@@ -81,7 +85,7 @@ def single(elevation):
 
 
 def test_a_trunk_on_the_ground_is_a_fall_in_mjx(simulated, standing):
-    meters, followed = simulated(GROUNDS, many(standing, len(EXPECTED)))
+    meters, followed = simulated(GROUNDS, [standing] * len(EXPECTED))
     assert meters.fell.tolist() == EXPECTED
     assert followed.meters.fell.tolist() == EXPECTED
     assert followed.finished.tolist() == [not fell for fell in EXPECTED]
@@ -94,7 +98,7 @@ def test_a_trunk_on_the_ground_is_a_fall_in_mujoco(pegasus, standing):
 
 
 def spoiled(track, **changes):
-    return track._replace(**{name: change(np.array(getattr(track, name))) for name, change in changes.items()})
+    return track._replace(**{name: change(getattr(track, name)) for name, change in changes.items()})
 
 
 def test_what_cannot_be_computed_is_a_fall_and_leaves_no_log(pegasus, simulated, standing, tmp_path, monkeypatch):
@@ -106,12 +110,10 @@ def test_what_cannot_be_computed_is_a_fall_and_leaves_no_log(pegasus, simulated,
         spoiled(standing, joint_torque=lambda x: np.where(np.arange(len(x))[:, None, None] > 4, np.nan, x)),
         standing,
     ]
-    tracks = jax.tree.map(lambda *x: jnp.stack([jnp.asarray(y) for y in x]), *bad)
-    terrains = [LEVEL] * len(bad)
-    same = dataclasses.replace(LEVEL, elevation=jnp.stack([LEVEL.elevation] * len(bad)))
-    meters, followed = simulated(same, tracks)
-    assert meters.fell[1:].tolist() == [True, True, False]
-    assert followed.meters.fell.tolist() == [True, True, True, False]
+    terrains, lanes = [LEVEL] * len(bad), len(EXPECTED)  # as many as above: the same program
+    meters, followed = simulated(np.stack([LEVEL.elevation] * lanes), bad + [standing] * (lanes - len(bad)))
+    assert meters.fell[1:].tolist() == [True, True] + [False] * (lanes - 3)
+    assert followed.meters.fell.tolist() == [True, True, True] + [False] * (lanes - 3)
     assert np.isfinite(followed.meters.energy.joule).all()
     verdicts = replay(pegasus, terrains, bad, 0.8)
     assert [verdict.fell for verdict in verdicts][1:] == [True, True, False]
@@ -155,8 +157,7 @@ def test_no_column_under_the_box_is_missed_and_none_far_beside_it_counts(pegasus
         )
         return fall.touches(trunk, position, rotation)
 
-    elevations = jnp.array(grounds.reshape(count, *LEVEL.elevation.shape))
-    seen = np.asarray(jax.jit(jax.vmap(look))(elevations, jnp.array(positions), jnp.array(turns)))
+    seen = np.asarray(jax.jit(jax.vmap(look))(grounds.reshape(count, *LEVEL.elevation.shape), positions, turns))
     grown = size + 2.0 * np.array([0.14, 0.14, 0.0])
     inside, near = np.zeros(count, bool), np.zeros(count, bool)
     for i in range(count):
@@ -168,14 +169,18 @@ def test_no_column_under_the_box_is_missed_and_none_far_beside_it_counts(pegasus
     assert not seen[~near].any()
 
 
+@jax.jit
+def judge(robot, state, feet):
+    return fall.fallen(fall.watch_trunk(robot, LEVEL, state, feet), state, feet)
+
+
 @pytest.mark.parametrize(("tilt", "falls"), [(0.0, False), (0.7, False), (0.9, True), (2.0, True), (np.pi, True)])
 def test_a_trunk_on_its_side_or_back_has_fallen(pegasus, tilt, falls):
     """High over the ground, so that nothing but the tilt can say so."""
     q = np.zeros(19)
     q[2], q[3], q[4] = 2.0, np.cos(0.5 * tilt), np.sin(0.5 * tilt)
-    state = State(jnp.array(q), jnp.zeros(18))
-    trunk = fall.watch_trunk(pegasus, LEVEL, state, jnp.zeros((4, 3)))
-    assert bool(fall.fallen(trunk, state, jnp.zeros((4, 3)))) == falls
+    state, feet = State(q, np.zeros(18)), np.zeros((4, 3))
+    assert bool(judge(pegasus, state, feet)) == falls
 
 
 def test_steps_that_mujoco_warned_of_are_unstable(pegasus, standing):

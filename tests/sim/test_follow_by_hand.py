@@ -14,19 +14,18 @@ from jaxleg.planning.posture import joint_angles, trunk_quaternion, trunk_rotati
 from jaxleg.sim.follow import Posture, between, command, corrected, held_feet
 from jaxleg.sim.sensing import felt_forces
 from jaxleg.sim.step import State
-from tests.motions import Mujoco
 
 SHAPES = ((), (4, 3), (4, 3), (4, 3), (3,), (4,), (6,), (4, 3), (4,))
-FEET = jnp.array([[0.36, 0.2, 0.03], [0.28, -0.2, 0.0], [-0.28, 0.2, 0.01], [-0.36, -0.2, -0.02]])
-PLANNED = jnp.array([0.02, 0.01, 0.46, 0.05, -0.04, 0.3])
-OFF = jnp.array([0.6, -0.5, 0.4, 0.7, -0.8, 0.9])  # of the trunk, times a small number
-SLIPPED = jax.random.normal(jax.random.key(0), (4, 3))
-look = jax.jit(between)
+FEET = np.array([[0.36, 0.2, 0.03], [0.28, -0.2, 0.0], [-0.28, 0.2, 0.01], [-0.36, -0.2, -0.02]])
+PLANNED = np.array([0.02, 0.01, 0.46, 0.05, -0.04, 0.3])
+OFF = np.array([0.6, -0.5, 0.4, 0.7, -0.8, 0.9])  # of the trunk, times a small number
+SLIPPED = np.random.default_rng(0).normal(size=(4, 3))
+look, rotation_of = jax.jit(between), jax.jit(trunk_rotation)
 
 
 def sample(seed, time):
     rng = np.random.default_rng(seed)
-    return Reference(jnp.asarray(time), *(jnp.asarray(rng.normal(size=shape)) for shape in SHAPES[1:]))
+    return Reference(np.asarray(time), *(np.asarray(rng.normal(size=shape)) for shape in SHAPES[1:]))
 
 
 LOW, HIGH = sample(0, 1.0), sample(1, 1.4)
@@ -34,13 +33,13 @@ LOW, HIGH = sample(0, 1.0), sample(1, 1.4)
 
 @pytest.mark.parametrize(("time", "end"), [(0.3, LOW), (1.0, LOW), (1.4, HIGH), (9.0, HIGH)])
 def test_outside_the_interval_it_is_the_nearer_sample(time, end):
-    for found, expected in zip(look(LOW, HIGH, jnp.asarray(time)), end):
+    for found, expected in zip(look(LOW, HIGH, time), end):
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_inside_everything_is_linear_but_the_angles_which_keep_their_rates_at_the_ends():
     """Hermite's polynomial at a quarter: 27/32 and 5/32 of the values, 9/64 and -3/64 of the interval times the rates."""
-    row = look(LOW, HIGH, jnp.asarray(1.1))
+    row = look(LOW, HIGH, 1.1)
     for name in set(Reference._fields) - {"joint_pos"}:
         np.testing.assert_allclose(getattr(row, name), 0.75 * getattr(LOW, name) + 0.25 * getattr(HIGH, name), atol=1e-12)
     hermite = (27.0 * LOW.joint_pos + 5.0 * HIGH.joint_pos) / 32.0
@@ -49,23 +48,26 @@ def test_inside_everything_is_linear_but_the_angles_which_keep_their_rates_at_th
 
 
 def test_a_command_has_the_angles_of_now_the_velocity_of_the_end_and_the_torque_of_the_middle():
-    jacobian = jnp.broadcast_to(jnp.eye(3), (4, 3, 3))
-    low, high = (x._replace(trunk_pos=PLANNED[:3], trunk_quat=jnp.array([1.0, 0, 0, 0]), foot_pos=FEET) for x in (LOW, HIGH))
-    on_plan = Posture(PLANNED[:3], jnp.array([1.0, 0.0, 0.0, 0.0]), FEET, jacobian)
-    order = jax.jit(command)(low, high, jnp.asarray(1.1), jnp.asarray(0.1), on_plan)
-    np.testing.assert_allclose(order.position, look(LOW, HIGH, jnp.asarray(1.1)).joint_pos, atol=1e-12)
+    upright = np.array([1.0, 0.0, 0.0, 0.0])
+    low, high = (x._replace(trunk_pos=PLANNED[:3], trunk_quat=upright, foot_pos=FEET) for x in (LOW, HIGH))
+    on_plan = Posture(PLANNED[:3], upright, FEET, np.broadcast_to(np.eye(3), (4, 3, 3)))
+    order = jax.jit(command)(low, high, 1.1, 0.1, on_plan)
+    np.testing.assert_allclose(order.position, look(LOW, HIGH, 1.1).joint_pos, atol=1e-12)
     np.testing.assert_allclose(order.velocity, 0.5 * LOW.joint_vel + 0.5 * HIGH.joint_vel, atol=1e-12)
     np.testing.assert_allclose(order.torque, 0.625 * LOW.joint_torque + 0.375 * HIGH.joint_torque, atol=1e-12)
     np.testing.assert_allclose(order.dt, 0.1)
 
 
+@jax.jit
+def wait(away, load):
+    """A second of 500 ticks."""
+    return jax.lax.fori_loop(0, 500, lambda _, held: held_feet(held, jnp.zeros((4, 3)), load, jnp.asarray(0.002)), away)
+
+
 @pytest.mark.parametrize(("load", "left"), [(1.0, np.exp(-1.0)), (0.51, np.exp(-1.0)), (0.49, 0.0), (0.0, 0.0)])
 def test_a_standing_foots_slip_is_forgotten_in_a_second(load, left):
     """To 1/e; a foot that carries less than half its load is where it is."""
-    dt = jnp.asarray(0.002)
-    away = jnp.full((4, 3), 0.02)
-    ticks = jax.lax.fori_loop(0, 500, lambda _, held: held_feet(held, jnp.zeros((4, 3)), jnp.full(4, load), dt), away)
-    np.testing.assert_allclose(ticks, 0.02 * left, rtol=2e-3)
+    np.testing.assert_allclose(wait(np.full((4, 3), 0.02), np.full(4, load)), 0.02 * left, rtol=2e-3)
 
 
 @pytest.fixture(scope="module")
@@ -74,22 +76,23 @@ def law(pegasus):
 
     @jax.jit
     def run(size, contact):
-        angles, _ = joint_angles(pegasus, PLANNED, FEET)
-        zero, turn = jnp.zeros((4, 3)), trunk_quaternion(PLANNED[3:])
-        row = Reference(jnp.array(0.0), angles, zero, zero, PLANNED[:3], turn, jnp.zeros(6), FEET, contact)
-        pose, feet = PLANNED + size * OFF, FEET + size * SLIPPED
+        planned, planned_feet = jnp.asarray(PLANNED), jnp.asarray(FEET)
+        angles, _ = joint_angles(pegasus, planned, planned_feet)
+        zero, turn = jnp.zeros((4, 3)), trunk_quaternion(planned[3:])
+        row = Reference(jnp.array(0.0), angles, zero, zero, planned[:3], turn, jnp.zeros(6), planned_feet, contact)
+        pose, feet = planned + size * OFF, planned_feet + size * SLIPPED
         jacobian = jnp.einsum("ij,ljk->lik", trunk_rotation(pose[3:]), jax.vmap(foot_jacobian)(all_leg_frames(pegasus, angles)))
         wanted = corrected(row, Posture(pose[:3], trunk_quaternion(pose[3:]), feet, jacobian))
         return jax.vmap(foot_position)(pegasus.joint_axis, pegasus.link_offset, wanted) + pegasus.hip_position
 
-    return lambda size, contact: np.asarray(run(jnp.asarray(size), jnp.asarray(contact)))
+    return lambda size, contact: np.asarray(run(size, contact))
 
 
 def places(size):
     """Feet in B as the law wants them, standing: planned trunk, feet as they stand; swinging: trunk as it is, planned feet."""
-    planned, actual = (np.asarray(trunk_rotation(turn)) for turn in (PLANNED[3:], (PLANNED + size * OFF)[3:]))
-    standing = (np.asarray(FEET + size * SLIPPED) - np.asarray(PLANNED[:3])) @ planned
-    swinging = (np.asarray(FEET) - np.asarray((PLANNED + size * OFF)[:3])) @ actual
+    planned, actual = (np.asarray(rotation_of(turn)) for turn in (PLANNED[3:], (PLANNED + size * OFF)[3:]))
+    standing = (FEET + size * SLIPPED - PLANNED[:3]) @ planned
+    swinging = (FEET - (PLANNED + size * OFF)[:3]) @ actual
     return standing, swinging
 
 
@@ -113,10 +116,10 @@ def test_each_leg_goes_by_its_own_load(law):
     np.testing.assert_allclose(found[1::2], swinging[1::2], atol=1e-6)
 
 
-def test_what_a_leg_feels_is_the_force_that_was_put_on_it(engine, pegasus):
+def test_what_a_leg_feels_is_the_force_that_was_put_on_it(engine, bodies, pegasus):
     """Random motions under random torques and forces on the feet, by MuJoCo's equation of motion; losses at the step's end."""
     lossy = dataclasses.replace(pegasus, joint_damping=3.0 * pegasus.joint_damping)
-    mujocos, terms, rng, dt = Mujoco(pegasus), jax.jit(engine), np.random.default_rng(3), 0.0025
+    mujocos, terms, rng, dt = bodies, jax.jit(engine), np.random.default_rng(3), 0.0025
     damping = np.diag(np.concatenate([np.zeros(6), np.asarray(lossy.joint_damping).ravel()]))
     feel = jax.jit(felt_forces)
     for _ in range(4):
@@ -127,9 +130,9 @@ def test_what_a_leg_feels_is_the_force_that_was_put_on_it(engine, pegasus):
         body = mujocos(q, v)
         push = np.concatenate([np.zeros(6), torque]) + np.einsum("lik,li->k", body.jacobian, force) - body.bias
         after = np.linalg.solve(body.mass + dt * damping, body.mass @ v + dt * push)
-        before, later = (State(jnp.asarray(q), jnp.asarray(x)) for x in (v, after))
-        at, moved = terms(before.q, before.v), jnp.asarray(torque.reshape(4, 3))
-        np.testing.assert_allclose(feel(at, lossy, moved, before, later, dt), force, atol=1e-6)
+        before, later = State(q, v), State(q, after)
+        at, moved = terms(q, v), torque.reshape(4, 3)
+        np.testing.assert_allclose(feel(at, lossy, moved, before, later, dt, 1.0), force, atol=1e-6)
         blind = feel(at, lossy, moved, before, later, dt, 0.0)
         legs = body.mass[6:] @ (after - v) / dt
         missing = [np.linalg.solve(body.jacobian[i, :, 6 + 3 * i : 9 + 3 * i].T, legs[3 * i : 3 * i + 3]) for i in range(4)]

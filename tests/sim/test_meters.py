@@ -18,7 +18,7 @@ from jaxleg.sim.referee import replay
 from jaxleg.sim.rollout import simulate
 from jaxleg.sim.step import initial_state
 from jaxleg.sim.tracking import Tracking, interpolate
-from tests.motions import QUICK, SWINGS, applied_torque, contact_force, shift_and_step, sloping
+from tests.motions import SWINGS, applied_torque, contact_force, shift_and_step, sloping
 
 GROUND, TERRAIN = Ground(), sloping(0.0, 0.0)
 SECONDS, SAMPLES, EACH = (0.5, 0.5), (10, 16), 36  # steps an interval
@@ -31,19 +31,19 @@ begin = jax.jit(lambda robot, track: (interpolate(track, EACH), initial_state(ro
 
 @pytest.fixture(scope="module")
 def track(pegasus):
-    return shift_and_step(pegasus, TERRAIN, SECONDS, SAMPLES)
+    return jax.tree.map(np.asarray, shift_and_step(pegasus, TERRAIN, SECONDS, SAMPLES))
 
 
 @pytest.fixture(scope="module")
 def metered(engine):
     """Meters from the sample `LATE` on, in the middle of the shift."""
-    return jax.jit(lambda robot, track: simulate(engine, robot, GROUND, TERRAIN, track, EACH, LATE), compiler_options=QUICK)
+    return jax.jit(lambda robot, track: simulate(engine, robot, GROUND, TERRAIN, track, EACH, LATE))
 
 
 @pytest.fixture(scope="module")
 def by_hand(pegasus, bodies, roll, track):
     """Everything about the walk, step by step, from its states."""
-    tracking, start = begin(pegasus, track)
+    tracking, start = jax.tree.map(np.asarray, begin(pegasus, track))
     states, seen = roll(pegasus, GROUND, TERRAIN, start, tracking)
     q, v = (np.concatenate([np.asarray(a)[None], np.asarray(b)]) for a, b in zip(start, states))
     dt, radius = np.asarray(tracking.dt), float(pegasus.contact_radius)

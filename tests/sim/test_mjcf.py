@@ -43,12 +43,14 @@ def inertia_tensor(model, body):
 @pytest.mark.parametrize("body", range(12))
 def test_every_link_is_the_robots(pegasus, model, body):
     leg, j = divmod(body, 3)
-    assert_allclose(inertia_tensor(model, 2 + body), np.diag(pegasus.link_inertia[leg, j]), atol=1e-12)
-    assert_allclose(model.body_mass[2 + body], pegasus.link_mass[leg, j])
-    assert_allclose(model.body_ipos[2 + body], pegasus.link_com[leg, j])
-    assert_allclose(model.jnt_axis[1 + body], pegasus.joint_axis[leg, j])
-    assert_allclose(model.dof_armature[6 + body], pegasus.rotor_inertia[leg, j])
-    assert_allclose(model.dof_damping[6 + body], pegasus.joint_damping[leg, j])
+    names = ("link_inertia", "link_mass", "link_com", "joint_axis", "rotor_inertia", "joint_damping")
+    inertia, mass, com, axis, rotor, damping = (np.asarray(getattr(pegasus, name))[leg, j] for name in names)
+    assert_allclose(inertia_tensor(model, 2 + body), np.diag(inertia), atol=1e-12)
+    assert_allclose(model.body_mass[2 + body], mass)
+    assert_allclose(model.body_ipos[2 + body], com)
+    assert_allclose(model.jnt_axis[1 + body], axis)
+    assert_allclose(model.dof_armature[6 + body], rotor)
+    assert_allclose(model.dof_damping[6 + body], damping)
 
 
 def test_trunk_is_the_robots(pegasus, model):
@@ -66,11 +68,13 @@ def test_only_the_feet_and_the_trunk_collide_and_only_when_asked(pegasus, feet_c
 
 
 def test_a_robot_without_hip_links_compiles_with_feet_where_kinematics_has_them(pegasus):
-    plain = dataclasses.replace(pegasus, link_offset=pegasus.link_offset.at[:, 0].set(0.0))
+    links = np.array(pegasus.link_offset)
+    links[:, 0] = 0.0
+    plain = dataclasses.replace(pegasus, link_offset=jnp.asarray(links))
     model = mujoco.MjModel.from_xml_string(robot_mjcf(plain))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    assert_allclose(data.site_xpos, pegasus.hip_position - np.array([[0.0, 0.0, 0.6]]), atol=1e-12)
+    assert_allclose(data.site_xpos, np.asarray(pegasus.hip_position) - [0.0, 0.0, 0.6], atol=1e-12)
 
 
 def test_numbers_survive_the_text(pegasus, model):

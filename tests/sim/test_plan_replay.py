@@ -1,5 +1,6 @@
 """What a replay tells: nothing of a walk that goes nowhere, only of steps that were made, in both engines."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -19,9 +20,14 @@ GROUND = flat(Grid(60, 40, 0.04, (-1.2, -0.8)))
 FIGURES = {"energy_per_metre", "power", "cost_of_transport", "distance", "time", "margin", "slip", "fell", "finished", "left"}
 
 
+@jax.jit
+def standing(robot):
+    return reference(robot, up_down(robot, gait(), GROUND, 0.46, 0.46, 0.05), settings(), (2, 2))
+
+
 def plan(pegasus, steps=0, **changes):
     """A plan of no step: six moves up and down that stay at one height, 0.3 s."""
-    track = reference(pegasus, up_down(pegasus, gait(), GROUND, 0.46, 0.46, 0.05), settings(), (2, 2))
+    track = jax.tree.map(np.asarray, standing(pegasus))
     params = {"friction": 0.8, "tick": 0.0025, "steps": steps, "power": "positive"}
     fields = {"robot": pegasus, "terrain": GROUND, "reference": track._replace(**changes), "params": params, "samples": 4}
     fields |= {"footholds": track.foot_pos[:1], "goal": np.zeros(2), "datum": np.zeros(3)}
@@ -45,7 +51,7 @@ def test_a_walk_that_goes_nowhere_has_no_cost_of_transport(pegasus, engine):
 
 @pytest.mark.parametrize("engine", [replay_mjx, replay_mujoco])
 def test_a_plan_that_cannot_be_computed_is_a_fall_whose_figures_are_plain_numbers(pegasus, engine):
-    result, frames = engine(plan(pegasus, steps=3, joint_torque=jnp.full((13, 4, 3), jnp.nan)), 0.1)
+    result, frames = engine(plan(pegasus, steps=3, joint_torque=np.full((13, 4, 3), np.nan)), 0.1)
     assert result["fell"]
     assert not result["finished"]
     assert np.isnan(result.get("landing_worst", np.nan))
@@ -60,9 +66,9 @@ def test_only_steps_that_were_made_are_judged(pegasus, monkeypatch, reached, wor
 
     def film(*_):
         zero = read(no_tally(float), jnp.array(True))
-        feet = jnp.zeros((3, 4, 3)).at[:, :, 0].set(jnp.array([0.01, 0.04, 0.09])[:, None])
+        feet = file.reference.foot_pos[:1] + np.array([0.01, 0.04, 0.09])[:, None, None] * [1.0, 0.0, 0.0]
         ended = jnp.asarray(reached)
-        return Followed(zero, feet + file.reference.foot_pos[:1], jnp.zeros((3, 7)), ended, ended == 12), jnp.zeros((2, 19))
+        return Followed(zero, jnp.asarray(feet), jnp.zeros((3, 7)), ended, ended == 12), jnp.zeros((2, 19))
 
     monkeypatch.setattr(replay_module, "film", film)
     result, _ = replay_mjx(file, 0.1)

@@ -42,7 +42,7 @@ def walked(pegasus):
         walk = crawl(pegasus, params, settings, believed, choice.offset, choice.status)
         return walk_reactively(engine, pegasus, Ground(), true, walk, settings, machine, feeling(), jnp.asarray(DT), TICKS)
 
-    return jax.tree.map(np.asarray, jax.jit(jax.vmap(lane))(jnp.asarray(ERROR)))
+    return jax.tree.map(np.asarray, jax.jit(jax.vmap(lane))(ERROR))
 
 
 def test_a_walk_whose_map_is_wrong_ends_on_its_feet(walked, pegasus):
@@ -84,22 +84,19 @@ def test_a_swing_moves_only_its_own_foot(walked):
 
 def test_the_bounds_of_a_swing_are_the_shell_that_the_leg_reaches(pegasus):
     """Just within the bounds inverse kinematics has an answer with the knee bent as asked; just beyond it has not."""
-    hip = jnp.array([0.1, 0.05, 0.5])
-    place = hip[None, :2] + jnp.array([[0.0, 0.08], [0.2, 0.08], [-0.15, 0.12]])
-    bounds = swing_bounds(pegasus, hip, place, 0.0, 3.0)
+    hip = np.array([0.1, 0.05, 0.5])
+    place = hip[:2] + np.array([[0.0, 0.08], [0.2, 0.08], [-0.15, 0.12]])
+    low, high = map(np.asarray, jax.jit(swing_bounds)(pegasus, hip, place, 0.0, 3.0))
 
-    def reach(xy, z):
-        foot = jnp.concatenate([xy, z[None]]) - hip
-        return leg_angles(pegasus.joint_axis[0], pegasus.link_offset[0], pegasus.knee_sign, foot)[1]
+    def leg(xy, z):
+        return jax.jit(leg_angles)(*first, pegasus.knee_sign, np.array([*xy, z]) - hip)
 
-    for k, xy in enumerate(place):
-        assert reach(xy, bounds.low[k] + 1e-3) == Reach.OK
-        assert reach(xy, bounds.low[k] - 1e-3) == Reach.TOO_FAR
-    angles = leg_angles(
-        *(pegasus.joint_axis[0], pegasus.link_offset[0], pegasus.knee_sign),
-        jnp.concatenate([place[0], bounds.high[:1]]) - hip,
-    )[0]
-    np.testing.assert_allclose(jnp.abs(angles[2]), 3.0, atol=1e-6)
+    first = [np.asarray(x)[0] for x in (pegasus.joint_axis, pegasus.link_offset)]
+    for xy, z in zip(place, low):
+        assert leg(xy, z + 1e-3)[1] == Reach.OK
+        assert leg(xy, z - 1e-3)[1] == Reach.TOO_FAR
+    angles, _ = leg(place[0], high[0])
+    np.testing.assert_allclose(np.abs(angles)[2], 3.0, atol=1e-6)
 
 
 def test_the_trunk_follows_the_feet(walked):

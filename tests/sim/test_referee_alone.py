@@ -27,7 +27,7 @@ BUMPS = HeightMap(jnp.asarray(np.random.default_rng(2).uniform(-0.3, 0.2, (11, 7
 
 @pytest.fixture(scope="module")
 def track(pegasus):
-    return shift_and_step(pegasus, TERRAIN, SECONDS, SAMPLES)
+    return jax.tree.map(np.asarray, shift_and_step(pegasus, TERRAIN, SECONDS, SAMPLES))
 
 
 def wanted(robot, track, time):
