@@ -63,6 +63,7 @@ def leg_torque(
     return LegTorque(torque[1], torque[2], knee_bend(axis, offset, angles), status == Reach.OK)
 
 
+@jax.jit
 def torque_map(
     robot: Robot, foot_behind: Float[Array, "nx"], hip_height: Float[Array, "nz"], force: Float[ArrayLike, ""]
 ) -> LegTorque:
