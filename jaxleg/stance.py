@@ -54,6 +54,7 @@ class GaitConstraints(NamedTuple):
     knee_clear: Float[Array, ""]  # H - L2: the knee stays off the ground
 
 
+@jax.jit
 def leg_length(robot: Robot) -> Float[Array, "*batch"]:
     """L_Leg [m]: thigh plus shank of the first leg, stretched straight."""
     return jnp.sum(jnp.sqrt(jnp.sum(robot.link_offset[..., 0, 1:, ::2] ** 2, axis=-1)), axis=-1)
