@@ -7,6 +7,7 @@ H_COG whether it is allowed and what stops it first; `step_limit`, `search_limit
 import functools
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
@@ -53,6 +54,7 @@ class GaitConstraints(NamedTuple):
     knee_clear: Float[Array, ""]  # H - L2: the knee stays off the ground
 
 
+@jax.jit
 def leg_length(robot: Robot) -> Float[Array, "*batch"]:
     """L_Leg [m]: thigh plus shank of the first leg, stretched straight."""
     return jnp.sum(jnp.sqrt(jnp.sum(robot.link_offset[..., 0, 1:, ::2] ** 2, axis=-1)), axis=-1)
@@ -89,6 +91,7 @@ def skew_limits(
     return step - stance_length, stance_length
 
 
+@jax.jit
 def gait_region(
     robot: Robot,
     hip_height: Float[ArrayLike, "*a"],
@@ -120,6 +123,7 @@ def _region_at(robot, height, step, search, skew, stance):
     return least > 0.0, binding.astype(jnp.int32), least
 
 
+@jax.jit
 def search_limit(robot: Robot, hip_height: Float[ArrayLike, "*a"], step: Float[ArrayLike, "*b"]) -> Limit:
     """Greatest L_Search [m] at H_COG and L_Step [m], and whether (5) or (7) sets it; 0 and why where the step is refused."""
     hip_height, step = jnp.broadcast_arrays(jnp.asarray(hip_height), jnp.asarray(step))
@@ -131,6 +135,7 @@ def search_limit(robot: Robot, hip_height: Float[ArrayLike, "*a"], step: Float[A
     return Limit(length, jnp.where(alone.feasible, binding, alone.binding).astype(jnp.int32))
 
 
+@jax.jit
 def step_limit(robot: Robot, hip_height: Float[ArrayLike, "*n"]) -> Limit:
     """Greatest L_Step [m] at H_COG [m], by (6); 0 and why where the height is refused."""
     half = sqrt_safe(leg_length(robot) ** 2 - jnp.asarray(hip_height) ** 2)

@@ -63,6 +63,7 @@ def leg_torque(
     return LegTorque(torque[1], torque[2], knee_bend(axis, offset, angles), status == Reach.OK)
 
 
+@jax.jit
 def torque_map(
     robot: Robot, foot_behind: Float[Array, "nx"], hip_height: Float[Array, "nz"], force: Float[ArrayLike, ""]
 ) -> LegTorque:
@@ -71,6 +72,7 @@ def torque_map(
     return jax.vmap(column, in_axes=(None, 0, None, None))(robot, foot_behind, hip_height, force)
 
 
+@jax.jit
 def knee_zero_line(robot: Robot, hip_height: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
     """L_F2H [m] where the knee torque vanishes: x = -sqrt(L2^2 - (H - L3)^2), the foot under a backward knee (A5)."""
     thigh, shank = -robot.link_offset[0, 1, 2], -robot.link_offset[0, 2, 2]

@@ -6,6 +6,7 @@ Paper A, Section III: a workspace is a rectangle of (L_F2H, H_COG) that a standi
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
@@ -39,6 +40,7 @@ class Window(NamedTuple):
     mean: Float[Array, ""]
 
 
+@jax.jit
 def cost(torque: LegTorque) -> Cost:
     """The two measures at each point of a torque map."""
     total, square = jnp.abs(torque.thigh) + jnp.abs(torque.knee), torque.thigh**2 + torque.knee**2
@@ -58,6 +60,7 @@ def mean_cost(robot: Robot, workspace: Workspace, force: Float[ArrayLike, ""], c
     return Cost(*map(jnp.mean, cost(torque_map(robot, x, h, force))))
 
 
+@jax.jit
 def keeps_bend(
     robot: Robot, x: Float[Array, "nx"], h: Float[Array, "nz"], size: Float[ArrayLike, ""], least_bend: Float[ArrayLike, ""]
 ) -> Bool[Array, "nx nz"]:

@@ -73,7 +73,7 @@ def test_foot_and_jacobian_are_those_of_the_chain(name):
     robot = load_robot(ROBOTS / f"{name}.toml")
     rng = np.random.default_rng(0)
     leg, angles = rng.permutation(np.arange(400) % len(LEGS)), rng.uniform(-np.pi, np.pi, (400, 3))
-    foot, jacobian = ours(robot.hip_position[leg], robot.joint_axis[leg], robot.link_offset[leg], angles)
+    foot, jacobian = ours(*(np.asarray(x)[leg] for x in (robot.hip_position, robot.joint_axis, robot.link_offset)), angles)
     expected = [chain(lengths, k, q) for k, q in zip(leg, angles)]
     assert_allclose(foot, np.stack([f for f, _ in expected]), atol=1e-9)
     assert_allclose(jacobian, np.stack([j for _, j in expected]), atol=1e-9)
@@ -82,7 +82,8 @@ def test_foot_and_jacobian_are_those_of_the_chain(name):
 def test_it_stands_within_its_joint_ranges():
     robot = load_robot(ROBOTS / "dh_quadruped.toml")
     below = np.stack([0.0 * np.ones(4), np.array(LEG_SIDE) * 0.07, -0.36 * np.ones(4)], axis=1)
-    angles, status = jax.vmap(leg_angles, (0, 0, None, 0))(robot.joint_axis, robot.link_offset, robot.knee_sign, below)
+    inverse = jax.jit(jax.vmap(leg_angles, (0, 0, None, 0)))
+    angles, status = jax.device_get(inverse(robot.joint_axis, robot.link_offset, robot.knee_sign, below))
     low, high = np.moveaxis(np.asarray(robot.joint_range), -1, 0)
     assert np.all(status == Reach.OK)
     assert np.all((angles > low + 0.2) & (angles < high - 0.2))

@@ -17,8 +17,9 @@ frames_of = jax.jit(dynamics.all_leg_frames)
 inverse_dynamics = jax.jit(dynamics.inverse_dynamics)
 share_load = jax.jit(dynamics.share_load)
 torques_on_ground = jax.jit(dynamics.torques_on_ground)
-UP = jnp.array([0.0, 0.0, 1.0])
-UP = jnp.array([0.0, 0.0, GRAVITY])
+centre_of_mass = jax.jit(dynamics.centre_of_mass)
+UP = np.array([0.0, 0.0, GRAVITY])
+REST = Motion(*[np.zeros((4, 3))] * 2, *[np.zeros(3)] * 2, UP)
 SAMPLES = [np.random.default_rng(seed) for seed in range(4)]
 
 
@@ -41,7 +42,7 @@ def random_state(rng, data):
 
 
 def legs_of(values):
-    return jnp.array(values[-12:]).reshape(4, 3)
+    return np.array(values[-12:]).reshape(4, 3)
 
 
 @pytest.mark.parametrize("rng", SAMPLES)
@@ -52,8 +53,8 @@ def test_inverse_dynamics_is_mujocos(lopsided, simulation, rng):
     mujoco.mj_inverse(model, data)
     turn = data.xmat[1].reshape(3, 3)  # B -> W
     motion = Motion(
-        *(legs_of(data.qvel), legs_of(acceleration), jnp.array(data.qvel[3:6]), jnp.array(acceleration[3:6])),
-        jnp.array(turn.T @ (acceleration[:3] + UP)),
+        *(legs_of(data.qvel), legs_of(acceleration), data.qvel[3:6], acceleration[3:6]),
+        turn.T @ (acceleration[:3] + UP),
     )
     torque, wrench = inverse_dynamics(lopsided, frames_of(lopsided, legs_of(data.qpos)), motion)
     assert_allclose(torque, legs_of(data.qfrc_inverse), atol=1e-8)  # qfrc_inverse gives back the joints' damping
@@ -67,7 +68,7 @@ def test_centre_of_mass_is_mujocos(lopsided, simulation, rng):
     random_state(rng, data)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    ours = dynamics.centre_of_mass(lopsided, frames_of(lopsided, legs_of(data.qpos)))
+    ours = np.asarray(centre_of_mass(lopsided, frames_of(lopsided, legs_of(data.qpos))))
     assert_allclose(data.qpos[:3] + data.xmat[1].reshape(3, 3) @ ours, data.subtree_com[1], atol=1e-12)
 
 
@@ -86,7 +87,7 @@ def grasp_matrix(feet):
 @pytest.mark.parametrize("rng", SAMPLES)
 def test_share_load_is_the_weighted_least_norm(rng, loaded):
     feet, weight, force, moment = random_load(rng, loaded)
-    ours = np.asarray(share_load(jnp.array(feet), jnp.array(weight), Wrench(jnp.array(force), jnp.array(moment))))
+    ours = np.asarray(share_load(feet, weight, Wrench(force, moment)))
     assert_allclose(ours.sum(axis=0), force, atol=1e-9)
     assert_allclose(np.cross(feet, ours).sum(axis=0), moment, atol=1e-9)
     assert_allclose(ours[weight == 0], 0.0)
@@ -103,34 +104,34 @@ def test_three_feet_on_level_ground_are_statically_determinate(airborne):
     feet[:, 2] = -0.5
     moment = np.array([*rng.normal(size=2), 0.0])
     force = np.array([0.0, 0.0, 345.0])
-    ours = share_load(jnp.array(feet), jnp.array(weight), Wrench(jnp.array(force), jnp.array(moment)))
+    ours = np.asarray(share_load(feet, weight, Wrench(force, moment)))
     balance = np.stack([np.ones(3), feet[on, 1], -feet[on, 0]])
-    assert_allclose(ours[jnp.array(on), 2], np.linalg.solve(balance, [345.0, *moment[:2]]), atol=1e-9)
+    assert_allclose(ours[on, 2], np.linalg.solve(balance, [345.0, *moment[:2]]), atol=1e-9)
     assert_allclose(ours[:, :2], 0.0, atol=1e-9)
+
+
+@jax.jit
+@jax.grad
+def work_rate(q, robot, force):
+    """Of gravity and ground, whose forces are held constant; the trunk stays."""
+    com = dynamics.centre_of_mass(robot, dynamics.all_leg_frames(robot, q))
+    feet = jax.vmap(foot_position)(robot.joint_axis, robot.link_offset, q)
+    return jnp.sum(force * feet) - robot.mass * GRAVITY * com[2]
 
 
 @pytest.mark.parametrize("rng", SAMPLES)
 def test_standing_still_does_no_virtual_work(lopsided, rng):
-    angles = jnp.array([[0.0, -0.5, 1.0]] * 4 + rng.uniform(-0.3, 0.3, (4, 3)))
-    rest = Motion(*[jnp.zeros((4, 3))] * 2, *[jnp.zeros(3)] * 2, UP)
-    weight = jnp.array(rng.uniform(0.3, 1.0, 4))
-    torque, force = torques_on_ground(lopsided, frames_of(lopsided, angles), rest, weight, UP)
-
-    def work(q):  # of gravity and ground, whose forces are held constant; the trunk stays
-        com = dynamics.centre_of_mass(lopsided, dynamics.all_leg_frames(lopsided, q))
-        feet = jax.vmap(foot_position)(lopsided.joint_axis, lopsided.link_offset, q)
-        return jnp.sum(force * feet) - lopsided.mass * GRAVITY * com[2]
-
-    assert_allclose(torque + jax.jit(jax.grad(work))(angles), 0.0, atol=1e-9)
-    assert_allclose(force.sum(axis=0), lopsided.mass * UP, atol=1e-9)
+    angles = [[0.0, -0.5, 1.0]] * 4 + rng.uniform(-0.3, 0.3, (4, 3))
+    weight = rng.uniform(0.3, 1.0, 4)
+    torque, force = jax.device_get(torques_on_ground(lopsided, frames_of(lopsided, angles), REST, weight, UP))
+    assert_allclose(torque + work_rate(angles, lopsided, force), 0.0, atol=1e-9)
+    assert_allclose(force.sum(axis=0), float(lopsided.mass) * UP, atol=1e-9)
 
 
 def test_airborne_leg_bears_only_itself(pegasus):
-    angles = jnp.tile(jnp.array([0.1, -0.5, 1.0]), (4, 1))
-    rest = Motion(*[jnp.zeros((4, 3))] * 2, *[jnp.zeros(3)] * 2, UP)
-    frames = frames_of(pegasus, angles)
-    torque, force = torques_on_ground(pegasus, frames, rest, jnp.array([1.0, 1.0, 0.0, 1.0]), UP)
-    free, _ = inverse_dynamics(pegasus, frames, rest)
+    frames = frames_of(pegasus, np.tile([0.1, -0.5, 1.0], (4, 1)))
+    torque, force = jax.device_get(torques_on_ground(pegasus, frames, REST, np.array([1.0, 1.0, 0.0, 1.0]), UP))
+    free = np.asarray(inverse_dynamics(pegasus, frames, REST)[0])
     assert_allclose(force[2], 0.0)
     assert_allclose(torque[2], free[2])
     assert np.all(np.linalg.norm(torque - free, axis=1)[[0, 1, 3]] > 1.0)

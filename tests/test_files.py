@@ -22,9 +22,11 @@ import numpy as np
 from jaxleg.conventions import InputError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (10000, 10000))
+"""
+TRY = """
 {write}
 try:
-    write(sys.argv[1])
+    write(sys.argv[1] + "/{name}/good")
 except InputError as error:
     print(error)
 """
@@ -43,16 +45,28 @@ write = lambda path: save_standing(path, robot, {NOISE})""",
 }
 
 
+@pytest.fixture(scope="module")
+def full_disk(tmp_path_factory):
+    """A folder a writer, after one process has tried them all, and what it said."""
+    folder = tmp_path_factory.mktemp("full")
+    for name in WRITERS:
+        (folder / name).mkdir()
+        (folder / name / "good").write_text("the earlier one")
+    code = FULL + "".join(TRY.format(write=write, name=name) for name, write in WRITERS.items())
+    return folder, subprocess.run(
+        [sys.executable, "-c", code, str(folder)], capture_output=True, text=True, check=False, cwd=ROOT
+    )
+
+
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_full_disk_leaves_the_earlier_file(tmp_path, name):
+def test_a_full_disk_leaves_the_earlier_file(full_disk, name):
     """A limit on the size of files stands for the full disk: writing fails half-way in the same place."""
-    path = tmp_path / "good"
-    path.write_text("the earlier one")
-    code = FULL.format(write=WRITERS[name])
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False, cwd=ROOT)
-    assert done.stdout == f"{path}: cannot be written: File too large\n", done.stderr
+    folder, done = full_disk
+    path = folder / name / "good"
+    said = dict(zip(WRITERS, done.stdout.splitlines(), strict=True))
+    assert said[name] == f"{path}: cannot be written: File too large", done.stderr
     assert path.read_text() == "the earlier one"
-    assert os.listdir(tmp_path) == ["good"]
+    assert os.listdir(folder / name) == ["good"]
 
 
 def test_a_failure_half_way_leaves_the_earlier_file_and_nothing_else(tmp_path):

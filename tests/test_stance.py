@@ -21,7 +21,7 @@ from tests.planning.conftest import gait
 
 
 def test_the_papers_limits(pegasus):
-    slack = gait_constraints(pegasus, 0.5, jnp.asarray(0.2), jnp.asarray(0.3))
+    slack = jax.device_get(jax.jit(gait_constraints)(pegasus, 0.5, 0.2, 0.3))
     assert slack.search_behind + 0.3 == pytest.approx(0.40)  # (5): L_Search < 0.4
     assert slack.step_reach + 0.2 == pytest.approx(0.33, abs=2e-3)  # (6): L_Step < 0.33
     assert slack.search_reach + 0.3 == pytest.approx(0.56, abs=4e-3)  # (7): L_Search < 0.56
@@ -30,7 +30,7 @@ def test_the_papers_limits(pegasus):
 
 
 def test_stances_are_mirrored_parallelograms():
-    stance = np.asarray(nominal_stances(gait(step=0.2, skew=0.1, length=0.6, width=0.4), 0, 2))
+    stance = np.asarray(jax.jit(nominal_stances, static_argnums=(1, 2))(gait(step=0.2, skew=0.1, length=0.6, width=0.4), 0, 2))
     left, right = stance[:, [0, 2]], stance[:, [1, 3]]
     np.testing.assert_allclose(left[0] - right[0], [[0.1, 0.4]] * 2)  # before the right legs swing
     np.testing.assert_allclose(left[0] - right[1], [[-0.1, 0.4]] * 2)  # before the left ones: mirrored
@@ -57,7 +57,7 @@ def walks(robot, height, step, search):
 def test_region_is_where_the_legs_reach(pegasus):
     """Brute force: the walk's feet and the legs' kinematics on random points, also out of the region."""
     height, step, search = np.random.default_rng(3).uniform([[0.2], [0.0], [0.0]], [[0.65], [0.5], [0.8]], (3, 2000))
-    region = jax.jit(gait_region)(pegasus, height, step, search)
+    region = gait_region(pegasus, height, step, search)
     brute = jax.jit(jax.vmap(walks, in_axes=(None, 0, 0, 0)))(pegasus, height, step, search)
     assert np.array_equal(region.feasible, brute)
     assert 50 < np.sum(brute) < 1950
@@ -105,7 +105,7 @@ def test_the_papers_limits_and_what_sets_them(pegasus):
     ],
 )
 def test_refusals_have_a_reason(pegasus, point, binding):
-    region = gait_region(pegasus, *point)
+    region = jax.device_get(gait_region(pegasus, *point))
     assert not region.feasible
     assert region.binding == binding
     assert region.slack <= 0.0
@@ -115,17 +115,17 @@ def test_limits_at_heights_that_are_out_of_reach(pegasus):
     heights = np.array([0.2, 0.26, 0.601, 0.9, np.nan])
     for limit in (step_limit(pegasus, heights), search_limit(pegasus, heights, 0.2)):
         assert np.array_equal(limit.length, np.zeros(5))
-        assert list(limit.binding) == [Binding.TOO_LOW] * 2 + [Binding.TOO_HIGH] * 2 + [Binding.INVALID]
+        assert np.asarray(limit.binding).tolist() == [Binding.TOO_LOW] * 2 + [Binding.TOO_HIGH] * 2 + [Binding.INVALID]
     refused = search_limit(pegasus, 0.5, np.array([0.0, 0.34]))
     assert np.array_equal(refused.length, np.zeros(2))
-    assert list(refused.binding) == [Binding.SEARCH_BEHIND, Binding.STEP_REACH]
+    assert np.asarray(refused.binding).tolist() == [Binding.SEARCH_BEHIND, Binding.STEP_REACH]
 
 
 def test_skew_limits_are_where_the_region_ends(pegasus):
-    least, greatest = skew_limits(0.2, 0.6)
+    least, greatest = jax.device_get(jax.jit(skew_limits)(0.2, 0.6))
     for inside, outside in ((least + 1e-9, least - 1e-9), (greatest - 1e-9, greatest + 1e-9)):
-        skew = jnp.stack([inside, outside])
-        assert list(gait_region(pegasus, 0.5, 0.2, 0.3, skew, 0.6).feasible) == [True, False]
+        skew = np.stack([inside, outside])
+        assert np.asarray(gait_region(pegasus, 0.5, 0.2, 0.3, skew, 0.6).feasible).tolist() == [True, False]
     assert 0.5 * (least + greatest) == pytest.approx(half_step_skew(0.2))  # (4) is midway
 
 
@@ -133,8 +133,8 @@ def test_region_broadcasts_and_has_a_gradient(pegasus):
     heights, steps, searches = np.array([0.45, 0.5]), np.linspace(0.0, 0.4, 4), np.linspace(0.0, 0.6, 3)
     grid = gait_region(pegasus, heights[:, None, None], steps[:, None], searches)
     assert grid.feasible.shape == grid.binding.shape == (2, 4, 3)
-    one = jax.vmap(lambda s: gait_region(pegasus, 0.5, 0.2, s))(jnp.asarray(searches))
+    one = jax.jit(jax.vmap(lambda s: gait_region(pegasus, 0.5, 0.2, s)))(searches)
     np.testing.assert_array_equal(one.slack, gait_region(pegasus, 0.5, 0.2, searches).slack)
-    slope = jax.grad(lambda h: step_limit(pegasus, h).length)
+    slope = jax.jit(jax.grad(lambda h: step_limit(pegasus, h).length))
     assert slope(0.5) == pytest.approx(-0.5 / np.sqrt(0.11))
     assert slope(0.601) == slope(0.7) == 0.0

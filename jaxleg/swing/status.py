@@ -1,5 +1,6 @@
 """Whether a step can be asked for at all: a status a lane inside, one clear sentence at the edge."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -24,6 +25,7 @@ class StepStatus(Code):
     NOT_FINITE = 6  # start, target or allowance
 
 
+@jax.jit
 def status_on_profile(machine: Machine, step: Step, profile: Profile) -> Int[Array, ""]:
     """`StepStatus` on a terrain profile."""
     count = profile.coefficients.shape[0]
@@ -32,6 +34,7 @@ def status_on_profile(machine: Machine, step: Step, profile: Profile) -> Int[Arr
     return _status(machine, step, x, jnp.append(profile.coefficients[:, 0], end))
 
 
+@jax.jit
 def status_on_map(machine: Machine, step: Step, local: LocalMap) -> Int[Array, ""]:
     """`StepStatus` on a local map; NaN marks ground that nobody has seen."""
     return _status(machine, step, points(local), local.ground)

@@ -3,10 +3,11 @@
 Both are drawn from `Planned`, what was asked of `plan_footholds` and what came back.
 """
 
+import functools
 from pathlib import Path
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection, QuadMesh
@@ -92,12 +93,19 @@ def search_cells(planned: Planned, widened: bool) -> Cells:
     terrain, box = planned.site.terrain, planned.rectangle
     size = float(box.length + box.longer), float(box.width)
     around = extent_of(*size, 0.0, float(terrain.resolution), float(box.heading)).cells
+    nearest, offset, inside, rank = jax.device_get(_ranked(terrain, box, planned.nominal[0], around, widened))
+    cell = nearest[:, None, None] + cells_around(around)
+    valid = np.asarray(planned.site.valid)[cell[..., 0], cell[..., 1]]
+    return Cells(offset, inside, valid, _numbered(rank, inside & valid.all(axis=0)))
+
+
+@functools.partial(jax.jit, static_argnums=(3, 4))
+def _ranked(terrain, box, nominal, around, widened):
+    """The nominal footholds' cells; of the cells round one: offsets [m], whether they count, and their ranks."""
     seen = candidates(box, terrain.resolution, around)
     inside, longer = (seen.long, box.longer) if widened else (seen.short, 0.0)
-    cell = np.asarray(nearest_cell(terrain, jnp.asarray(planned.nominal[0])))[:, None, None] + cells_around(around)
-    valid = np.asarray(planned.site.valid)[cell[..., 0], cell[..., 1]]
-    rank = np.asarray(best_first(feasible_score(seen.along, box, longer), seen, inside).rank)
-    return Cells(np.asarray(seen.offset), np.asarray(inside), valid, _numbered(rank, np.asarray(inside) & valid.all(axis=0)))
+    rank = best_first(feasible_score(seen.along, box, longer), seen, inside).rank
+    return nearest_cell(terrain, nominal), seen.offset, inside, rank
 
 
 def _numbered(rank: np.ndarray, common: np.ndarray) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
@@ -45,7 +44,7 @@ def gait_regions(robot: Robot, heights: list[float], chosen: tuple[float, float]
 
 
 def _region(ax: Axes, robot: Robot, height: float, step: np.ndarray, search: np.ndarray) -> None:
-    region = jax.jit(gait_region)(robot, height, jnp.asarray(step, float)[:, None], jnp.asarray(search, float))
+    region = gait_region(robot, height, jnp.asarray(step, float)[:, None], jnp.asarray(search, float))
     shown = np.where(region.feasible, region.binding, np.nan)
     edges = [binding - 0.5 for binding in COLOUR] + [max(COLOUR) + 0.5]
     colours, norm = ListedColormap(list(COLOUR.values())), BoundaryNorm(edges, len(COLOUR))

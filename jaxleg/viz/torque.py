@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,7 +27,7 @@ def torque_maps(robot: Robot, before: dict[str, float], after: dict[str, float],
     """
     leg, force = float(leg_length(robot)), float(robot.mass) * GRAVITY / 4.0
     x, h = np.linspace(-7 / 12, 7 / 12, CELLS[0]) * leg, np.linspace(1 / 3, 1.0, CELLS[1]) * leg
-    torque = jax.jit(torque_map)(robot, jnp.asarray(x, float), jnp.asarray(h, float), force)
+    torque = torque_map(robot, jnp.asarray(x, float), jnp.asarray(h, float), force)
     thigh, knee = np.abs(np.asarray(torque.thigh)), np.abs(np.asarray(torque.knee))
     reachable = np.asarray(torque.reachable)
     maps = {"|thigh torque|": thigh, "|knee torque|": knee, "sum of both": thigh + knee}

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
@@ -84,7 +83,7 @@ def outline(ax: Axes, workspace: Workspace, **style) -> None:
 def _branch(row, robot: Robot, force: float):
     leg = float(leg_length(robot))
     x, h = np.linspace(-leg, leg, CELLS[0]), np.linspace(0.002, 1.0, CELLS[1]) * leg
-    torque = jax.jit(torque_map)(robot, jnp.asarray(x, float), jnp.asarray(h, float), force)
+    torque = torque_map(robot, jnp.asarray(x, float), jnp.asarray(h, float), force)
     thigh, knee = (np.where(torque.reachable, np.abs(t), np.nan) for t in (torque.thigh, torque.knee))
     levels = np.arange(0.0, np.nanmax(thigh + knee) + STEP, STEP)
     for ax, name, values in zip(row, ("|thigh torque|", "|knee torque|", "sum of both"), (thigh, knee, thigh + knee)):
@@ -108,7 +107,7 @@ def _limits(ax: Axes, robot: Robot, leg: float) -> None:
 def _zoomed(ax: Axes, robot: Robot, force: float, criterion: str, figure: Figure) -> None:
     leg = float(leg_length(robot))
     x, h = np.linspace(-0.6, 0.4, CELLS[0]) * leg, np.linspace(0.68, 1.0, CELLS[1]) * leg
-    costs = cost(jax.jit(torque_map)(robot, jnp.asarray(x, float), jnp.asarray(h, float), force))
+    costs = cost(torque_map(robot, jnp.asarray(x, float), jnp.asarray(h, float), force))
     values = np.asarray(getattr(costs, criterion))
     filled = ax.contourf(x, h, np.where(np.isfinite(values), values, np.nan).T, 14, cmap="Blues")
     figure.colorbar(filled, ax=ax, pad=0.01).ax.tick_params(labelsize=8)

@@ -13,6 +13,8 @@ from jaxleg.swing.arc import Arc, first_touch, length_to, period, point_at, velo
 from jaxleg.swing.contact import skin
 
 N = 10_000
+natural_spline, height, slope = (jax.jit(f) for f in (profile.natural_spline, profile.height, profile.slope))
+bounds_between, place = jax.jit(profile.bounds_between), jax.jit(point_at)
 
 
 def terrains(count, seed=0):
@@ -24,17 +26,17 @@ def terrains(count, seed=0):
 def arcs(count):
     rise = np.random.default_rng(1).uniform(0.3, 4.0, count)
     start = np.tile([0.0, 3.0 + skin(np.dtype(float))], (count, 1))
-    return Arc(*(jnp.asarray(x) for x in (start, np.full(count, 8.0), rise, np.zeros(count), np.ones(count))))
+    return Arc(start, np.full(count, 8.0), rise, np.zeros(count), np.ones(count))
 
 
 def test_the_natural_spline_is_scipys_with_its_slope_and_bounds():
     x = np.linspace(0.0, 14.0, 701)
     for heights in terrains(20):
-        ours, theirs = profile.natural_spline(jnp.asarray(heights)), CubicSpline(np.arange(15), heights, bc_type="natural")
-        np.testing.assert_allclose(profile.height(ours, x), theirs(x), atol=1e-10)
-        np.testing.assert_allclose(profile.slope(ours, x), theirs(x, 1), atol=1e-9)
+        ours, theirs = natural_spline(heights), CubicSpline(np.arange(15), heights, bc_type="natural")
+        np.testing.assert_allclose(height(ours, x), theirs(x), atol=1e-10)
+        np.testing.assert_allclose(slope(ours, x), theirs(x, 1), atol=1e-9)
         for start, end in ((2.3, 2.9), (4.5, 5.6), (6.7, 6.2), (1.0, 9.0)):
-            steep, bent = (float(v[0]) for v in profile.bounds_between(ours, *(jnp.array([v]) for v in (start, end))))
+            steep, bent = (float(v) for v in bounds_between(ours, start, end))
             between = np.linspace(start, end, 500)
             assert np.abs(theirs(between, 1)).max() <= steep * (1 + 1e-9)
             assert np.abs(theirs(between, 2)).max() <= bent * (1 + 1e-9)
@@ -45,36 +47,36 @@ def test_the_natural_spline_is_scipys_with_its_slope_and_bounds():
 
 def test_hermite_is_scipys():
     x, y, m = np.arange(5) * 0.5 + 2.0, *np.random.default_rng(1).normal(size=(2, 5))
-    ours, theirs = profile.hermite(jnp.asarray(y), jnp.asarray(m), 2.0, 0.5), CubicHermiteSpline(x, y, m)
+    ours, theirs = jax.jit(profile.hermite)(y, m, 2.0, 0.5), CubicHermiteSpline(x, y, m)
     at = np.linspace(2.0, 4.0, 101)
-    np.testing.assert_allclose(profile.height(ours, at), theirs(at), atol=1e-12)
-    np.testing.assert_allclose(profile.slope(ours, at), theirs(at, 1), atol=1e-11)
+    np.testing.assert_allclose(height(ours, at), theirs(at), atol=1e-12)
+    np.testing.assert_allclose(slope(ours, at), theirs(at, 1), atol=1e-11)
 
 
 @pytest.mark.parametrize(("begin", "end"), [(0.0, 1.0), (0.0, 0.5), (0.5, 1.0)])
 def test_an_arc_begins_at_its_start_and_has_the_length_of_its_path(begin, end):
-    arc = Arc(*(jnp.asarray(x) for x in (np.array([1.0, 2.0]), 3.0, 1.5, begin, end)))
-    np.testing.assert_allclose(point_at(arc, arc.begin), [1.0, 2.0])
+    arc = Arc(np.array([1.0, 2.0]), 3.0, 1.5, begin, end)
+    np.testing.assert_allclose(place(arc, arc.begin), [1.0, 2.0])
 
     def speed(s):
         return np.hypot(3.0 * (1.0 - np.cos(2 * np.pi * s)), 1.5 * np.pi * np.sin(2 * np.pi * s))
 
-    np.testing.assert_allclose(length_to(arc, arc.end), quad(speed, begin, end)[0], rtol=1e-6)
+    np.testing.assert_allclose(jax.jit(length_to)(arc, arc.end), quad(speed, begin, end)[0], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("stride", "rise"), [(8.0, 1.5), (2.0, 1.5), (0.0, 2.0), (-0.5, 0.0), (1.0, 0.4502)])
 def test_the_period_is_that_of_a_peak_speed_of_one(stride, rise):
-    arc = Arc(*(jnp.asarray(x) for x in (np.array([1.0, 2.0]), stride, rise, 0.0, 1.0)))
+    arc = Arc(np.array([1.0, 2.0]), stride, rise, 0.0, 1.0)
     share = np.linspace(0.0, 1.0, 4001)
-    speed = np.hypot(*np.gradient(np.asarray(point_at(arc, share)), share, axis=0).T) / float(period(arc))
+    speed = np.hypot(*np.gradient(np.asarray(place(arc, share)), share, axis=0).T) / float(jax.jit(period)(arc))
     np.testing.assert_allclose(speed.max(), 1.0, atol=1e-5)
-    np.testing.assert_allclose(np.hypot(*velocity_at(arc, 0.3)), speed[1200], atol=1e-5)
+    np.testing.assert_allclose(np.hypot(*np.asarray(jax.jit(velocity_at)(arc, 0.3))), speed[1200], atol=1e-5)
 
 
 @pytest.fixture(scope="module")
 def touched():
-    splines = jax.jit(jax.vmap(profile.natural_spline))(jnp.asarray(terrains(N)))
-    return splines, arcs(N), jax.jit(jax.vmap(first_touch))(arcs(N), splines)
+    splines = jax.jit(jax.vmap(profile.natural_spline))(terrains(N))
+    return jax.device_get((splines, arcs(N), jax.jit(jax.vmap(first_touch))(arcs(N), splines)))
 
 
 @pytest.mark.parametrize("count", [N // 10, pytest.param(N, marks=pytest.mark.slow)])
@@ -100,10 +102,10 @@ def test_no_contact_is_tunnelled_through(touched, count):
 
 def test_the_point_is_that_of_bisection(touched):
     _, paths, touch = touched
-    checked = 0
+    heights, checked = terrains(N), 0
     for k in np.flatnonzero(touch.hit)[:200]:
         path = jax.tree.map(lambda x, k=k: x[k], paths)
-        terrain = CubicSpline(np.arange(15), terrains(N)[k], bc_type="natural")
+        terrain = CubicSpline(np.arange(15), heights[k], bc_type="natural")
         rise = float(path.rise)
 
         def gap(s, terrain=terrain, rise=rise):
@@ -113,6 +115,6 @@ def test_the_point_is_that_of_bisection(touched):
         share = float(touch.share[k])
         if gap(share + 1e-4) < 0.0 < gap(share - 1e-4):
             root = brentq(gap, share - 1e-4, share + 1e-4, xtol=1e-13)
-            np.testing.assert_allclose(point_at(path, jnp.asarray(root)), touch.point[k], atol=1e-5)
+            np.testing.assert_allclose(place(path, root), touch.point[k], atol=1e-5)
             checked += 1
     assert checked > 150

@@ -1,5 +1,7 @@
 """The machine against a plain Python one written from the paper's words, and the repairs of the extended machine."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,11 +13,28 @@ from jaxleg.swing.arc import point_at
 from jaxleg.swing.blind import blind_swing, blind_swings
 from jaxleg.swing.machine import Mode, Step, begin, extended, printed, segment
 from jaxleg.swing.profile import natural_spline
+from tests.motions import QUICK
 
-STEP = Step(jnp.array([0.0, 3.0]), jnp.array([8.0, 3.0]))
+STEP = Step(np.array([0.0, 3.0]), np.array([8.0, 3.0]))
+LEVEL = np.full((1, 15), 3.0)
+COUNT, STATIONS = 300, 257
 EXITS = {"supported": Mode.SUPPORTED, "returned": Mode.RETURNED}
 
-swings = jax.jit(lambda machine, heights: blind_swings(machine, STEP, jax.vmap(natural_spline)(heights)))
+queue = jax.jit(lambda machine, step, heights: blind_swings(machine, step, jax.vmap(natural_spline)(heights)))
+
+
+def swings(machine, heights):
+    """Over at most `COUNT` terrains, by one program for all: the queue is as long, and no station is where there is none."""
+    stations = np.pad(machine.stations, (0, STATIONS - machine.stations.size), constant_values=np.inf)
+    machine = dataclasses.replace(machine, stations=jnp.asarray(stations))
+    seen = queue(machine, STEP, np.resize(heights, (COUNT, 15)))
+    return jax.tree.map(lambda x: np.asarray(x)[: len(heights)], seen)
+
+
+def alone(step, heights):
+    """Each swing of the extended machine by itself, with what a test has patched."""
+    swing = jax.vmap(lambda knots: blind_swing(extended(), step, natural_spline(knots)))
+    return jax.device_get(jax.jit(swing, compiler_options=QUICK)(heights))
 
 
 def terrains(count, above, below, amplitude, seed=0):
@@ -28,7 +47,7 @@ def terrains(count, above, below, amplitude, seed=0):
 def test_the_printed_machine_is_the_papers_words(above, below):
     """Exit, end, path and adjustments of swings over terrains of Table II, in the calibrated reading."""
     heights = terrains(60, above, below, 0.4)
-    ours = swings(printed(), jnp.asarray(heights))
+    ours = swings(printed(), heights)
     for k, ground in enumerate(heights):
         how, x, length, adjustments = plain_swing(ground)
         assert ours.exit[k] == EXITS[how]
@@ -38,69 +57,73 @@ def test_the_printed_machine_is_the_papers_words(above, below):
 
 
 def test_level_ground_is_one_cycloid_and_no_adjustment():
-    ours = swings(printed(), jnp.full((1, 15), 3.0))
+    ours = swings(printed(), LEVEL)
     assert ours.exit[0] == Mode.SUPPORTED
     assert ours.adjustments[0] == 0
     np.testing.assert_allclose(ours.point[0], [8.0, 3.0], atol=1e-5)
 
 
 def test_the_extended_machine_finds_a_support_where_the_printed_one_jams():
-    heights = jnp.asarray(terrains(300, 4, 2, 0.4, seed=1))
+    heights = terrains(COUNT, 4, 2, 0.4, seed=1)
     before, after = swings(printed(), heights), swings(extended(), heights)
     assert np.mean(before.exit == Mode.SUPPORTED) < 0.9
     assert np.all(after.exit == Mode.SUPPORTED)
 
 
 def test_probing_from_coarse_to_fine_takes_fewer_tries():
-    heights = jnp.asarray(terrains(300, 4, 2, 0.4, seed=2))
+    heights = terrains(COUNT, 4, 2, 0.4, seed=2)
     coarse, left = (swings(extended(33, coarse_to_fine=kind), heights) for kind in (True, False))
-    difference = np.asarray(left.adjustments) - np.asarray(coarse.adjustments)
+    difference = left.adjustments - coarse.adjustments
     assert difference.mean() > 2.0 * difference.std() / np.sqrt(len(difference))
 
 
 def test_a_swing_that_runs_out_of_segments_or_loses_its_search_has_stalled(monkeypatch):
     """Neither may come back as a support."""
-    heights = jnp.asarray(terrains(20, 4, 2, 0.4, seed=3))
+    heights = terrains(20, 4, 2, 0.4, seed=3)
     whole = swings(extended(), heights)
     for module, name, cap in ((blind, "SEGMENTS", 3), (contact, "STEPS", 10)):
         with monkeypatch.context() as patch:
             patch.setattr(module, name, cap)
-            short = jax.vmap(lambda knots: blind_swing(extended(), STEP, natural_spline(knots)))(heights)
-        stalled = np.asarray(short.exit == Mode.STALLED)
+            short = alone(STEP, heights)
+        stalled = short.exit == Mode.STALLED
         assert stalled.sum() > 10
         assert np.all(stalled | (short.exit == whole.exit))
         assert np.all(stalled | ~short.lost)
+
+
+@jax.jit
+def segment_end(machine, step, state):
+    arc = segment(machine, step, state)
+    return point_at(arc, arc.end)
 
 
 @pytest.mark.parametrize("machine", [printed(), extended()])
 def test_case_4_goes_forward_by_as_far_as_it_went_back(machine):
     """Paper B, (7) and (8): back from the wall at P_c, then up and forward to over P_c; also where the map ends behind it."""
     wall = 0.3
-    state = begin(STEP)._replace(point=jnp.array([wall, 3.5]), stop=jnp.asarray(wall), mode=jnp.asarray(Mode.BACK))
-    back = segment(machine, STEP, state)
-    behind = point_at(back, back.end)
-    up = segment(machine, STEP, state._replace(point=behind, mode=jnp.asarray(Mode.UP)))
+    state = begin(STEP)._replace(stop=np.array(wall))
+    behind = np.asarray(segment_end(machine, STEP, state._replace(point=np.array([wall, 3.5]), mode=int(Mode.BACK))))
+    over = segment_end(machine, STEP, state._replace(point=behind, mode=int(Mode.UP)))
     np.testing.assert_allclose(behind[0], wall - 0.5 if not machine.probing else 0.0, atol=1e-12)
-    np.testing.assert_allclose(point_at(up, up.end), [wall, 3.5 + 0.3 * (7.5 - 3.5)], atol=1e-12)
+    np.testing.assert_allclose(over, [wall, 3.5 + 0.3 * (7.5 - 3.5)], atol=1e-12)
 
 
 def test_a_lost_search_ends_the_swing_at_once(monkeypatch):
     monkeypatch.setattr(contact, "STEPS", 1)
-    near = STEP._replace(start=jnp.array([7.5, 3.0]))  # it is lost within the end interval, where the machine would probe on
-    swing = blind_swing(extended(), near, natural_spline(jnp.full(15, 3.0)))
+    near = STEP._replace(start=np.array([7.5, 3.0]))  # it is lost within the end interval, where the machine would probe on
+    swing = alone(near, LEVEL)
     assert swing.lost
     assert swing.exit == Mode.STALLED
     assert swing.segments == 1
 
 
 def test_a_queue_of_swings_gives_what_each_one_alone_gives():
-    heights = jnp.asarray(terrains(150, 4, 2, 1.0, seed=4))
-    alone = jax.jit(jax.vmap(lambda knots: blind_swing(extended(), STEP, natural_spline(knots))))(heights)
-    for a, b in zip(alone, swings(extended(), heights), strict=True):
+    heights = terrains(150, 4, 2, 1.0, seed=4)
+    for a, b in zip(alone(STEP, heights), swings(extended(), heights), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-9)
 
 
 def test_half_cycloids_join_without_a_jump_at_one_peak_speed():
     """Case 4 ends its rise at the peak speed with which the forward half sets out; only turns are jumps."""
-    level = swings(printed(), jnp.full((1, 15), 3.0))
+    level = swings(printed(), LEVEL)
     np.testing.assert_allclose([level.jump[0], level.time[0]], [0.0, 16.0], atol=1e-6)  # 2 S at a peak speed of 1

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from jaxleg.terrain import HeightMap
-from jaxleg.terrain.body_cost import BodyFeatures, BodySettings, BodyWeights, body_cost, body_features
+from jaxleg.terrain import body_cost as module
+from jaxleg.terrain.body_cost import BodyFeatures, BodySettings, BodyWeights, body_features
+from tests.motions import QUICK
 
 SHAPE = (22, 17)
 PAPER = BodySettings(radius=0.18, critical_count=5)
@@ -20,7 +22,10 @@ WEIGHTS = BodyWeights(np.array([2, 2, 1]) / 3, np.array(CRITICAL), 0.12, 0.5)
 DATA = Path(__file__).parents[2] / ".." / "shared" / "data"
 
 
-@functools.partial(jax.jit, static_argnums=(1, 2))
+body_cost = jax.jit(module.body_cost, static_argnums=2)
+
+
+@functools.partial(jax.jit, static_argnums=(1, 2), compiler_options=QUICK)
 def compute(elevation, resolution, settings, softness=None):
     terrain = HeightMap(elevation, jnp.zeros(2, elevation.dtype), jnp.array(resolution, elevation.dtype))
     return body_features(terrain, resolution, settings, softness)
@@ -151,15 +156,15 @@ def test_features_of_whole_real_maps(name):
 
 
 def test_an_unseen_map_has_no_features_and_no_way():
-    features = compute(np.full(SHAPE, np.nan), 0.04, PAPER)
+    features = jax.device_get(compute(np.full(SHAPE, np.nan), 0.04, PAPER))
     assert np.all(np.isnan(features[:3]))
     assert np.all(features.seen == 0.0)
-    assert np.all(np.isinf(body_cost(features, WEIGHTS)))
+    assert np.all(np.isinf(np.asarray(body_cost(features, WEIGHTS))))
 
 
 @pytest.mark.parametrize("combine", ["norm", "linear"])
 def test_cost_is_its_formula(combine):
-    features = compute(0.2 * ground(1), 0.04, PAPER)
+    features = jax.device_get(compute(0.2 * ground(1), 0.04, PAPER))
     cost = np.asarray(body_cost(features, WEIGHTS, combine))
     x = np.clip(np.stack(features[:3]) / np.array(CRITICAL)[:, None, None], 0, 1)
     w = WEIGHTS.weight[:, None, None]

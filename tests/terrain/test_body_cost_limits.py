@@ -1,10 +1,13 @@
 """Where the body may go: each limit just kept and just passed, and costs worked out by hand."""
 
+import jax
 import numpy as np
 import pytest
 
-from jaxleg.terrain.body_cost import BodyFeatures, BodyWeights, body_cost, traversable
+from jaxleg.terrain import body_cost as module
+from jaxleg.terrain.body_cost import BodyFeatures, BodyWeights
 
+body_cost, traversable = jax.jit(module.body_cost, static_argnums=2), jax.jit(module.traversable)
 WEIGHTS = BodyWeights(np.array([2.0, 2.0, 1.0]) / 3.0, np.array([0.6, 0.16, 0.2]), 0.12, 0.5)
 
 
@@ -15,8 +18,8 @@ def one_cell(slope=0.3, roughness=0.04, step=0.1, seen=1.0):
 def cost_of(combine="norm", weights=WEIGHTS, **changes):
     """Of one cell; whether it can be gone is the same question."""
     features = one_cell(**changes)
-    cost = float(body_cost(features, weights, combine)[0, 0])
-    assert bool(traversable(features, weights)[0, 0]) == np.isfinite(cost)
+    cost = np.asarray(body_cost(features, weights, combine)).item()
+    assert np.asarray(traversable(features, weights)).item() == np.isfinite(cost)
     return cost
 
 

@@ -22,6 +22,7 @@ from jaxleg.terrain.foothold_cost import (
 from jaxleg.terrain.foothold_features import FootholdSettings, foothold_features, uphill
 
 SHAPE, SIZE = (18, 18), 0.04
+COST, UPHILL = jax.jit(foothold_cost), jax.jit(uphill)
 SETTINGS = FootholdSettings()
 LIMIT = np.array([0.1, 0.6, 0.4, 0.6])
 STANCE = ((0.12, 0.10), (0.12, -0.10), (-0.14, 0.10), (-0.14, -0.10))
@@ -38,7 +39,7 @@ ALL = cost_weights(CostSettings())._replace(feet=weights())
 @pytest.fixture(scope="module")
 def compute(costs):
     """Foothold features of an elevation."""
-    return lambda elevation: costs(elevation, ALL)[0]
+    return lambda elevation: jax.device_get(costs(elevation, ALL)[0])
 
 
 def ground(seed):
@@ -99,7 +100,7 @@ def test_features_are_their_definitions(compute, dtype, least_gap):
             np.testing.assert_allclose(found[kept], expected[kept], rtol=rtol, atol=critical, err_msg=name)
         for heading in (0.0, 2.5):
             rise = np.arctan2(-exact[3] @ [math.cos(heading), math.sin(heading), 0.0], exact[3][..., 2])
-            found = np.asarray(uphill(ours.normal, heading), float).reshape(2, -1)
+            found = np.asarray(UPHILL(ours.normal, heading), float).reshape(2, -1)
             np.testing.assert_allclose(found[clear], rise[clear], rtol=rtol, atol=sharp[3])
 
 
@@ -112,16 +113,16 @@ def test_planes_hollows_and_bumps(compute):
     np.testing.assert_allclose(plane.concavity[inner], math.pi / 2, rtol=1e-9)
     for heading in (0.0, 1.0, math.pi):
         expected = math.atan(0.3 * math.cos(heading))
-        np.testing.assert_allclose(uphill(plane.normal, heading), expected, rtol=1e-9)
+        np.testing.assert_allclose(UPHILL(plane.normal, heading), expected, rtol=1e-9)
     middle = np.hypot(*(np.mgrid[: SHAPE[0], : SHAPE[1]] - np.array([8, 6])[:, None, None])) * SIZE
     assert np.all(compute(0.5 * middle**2 / 0.1).concavity[:, 8, 6] < math.pi / 2)  # the bottom of a bowl
     assert np.all(compute(-0.5 * middle**2 / 0.1).concavity[:, 8, 6] > math.pi / 2)
 
 
 def test_nothing_is_known_of_an_unseen_map(costs):
-    features, cost = costs(np.full(SHAPE, np.nan), ALL)
+    features, cost = jax.device_get(costs(np.full(SHAPE, np.nan), ALL))
     assert all(np.all(np.isnan(x)) for x in features[:4])
-    assert np.all(np.isinf(foothold_cost(features, weights(), 0, 0.0)))
+    assert np.all(np.isinf(np.asarray(COST(features, weights(), 0, 0.0))))
     assert np.all(np.isinf(cost.feet))
 
 
@@ -129,8 +130,8 @@ def test_front_feet_like_it_uphill_and_hind_feet_downhill(compute):
     slope = 0.2 * SIZE * np.arange(SHAPE[0])[:, None] + np.zeros(SHAPE)
     features, only_uphill = compute(slope), np.array([0, 0, 0, 0.5, 0, 0, 0, 0.5])
     chosen = FootWeights(np.tile(only_uphill, (4, 1)), LIMIT)
-    up = np.array([foothold_cost(features, chosen, leg, 0.0)[8, 6] for leg in range(4)])
-    down = np.array([foothold_cost(features, chosen, leg, math.pi)[8, 6] for leg in range(4)])
+    up = np.array([np.asarray(COST(features, chosen, leg, 0.0))[8, 6] for leg in range(4)])
+    down = np.array([np.asarray(COST(features, chosen, leg, math.pi))[8, 6] for leg in range(4)])
     expected = 0.5 - 0.5 * np.array(LEG_END) * math.atan(0.2) / 0.6
     np.testing.assert_allclose(up, expected, rtol=1e-9)
     np.testing.assert_allclose(up + down, 1.0, rtol=1e-9)
@@ -138,7 +139,7 @@ def test_front_feet_like_it_uphill_and_hind_feet_downhill(compute):
 
 def test_scores_and_costs_lie_between_0_and_1_in_the_order_of_their_names(compute):
     features = compute(ground(1))
-    scores = np.asarray(foothold_scores(features, LIMIT, 3, 0.7))
+    scores = np.asarray(jax.jit(foothold_scores)(features, LIMIT, 3, 0.7))
     seen = np.isfinite(ground(1))
     assert np.all(np.isnan(scores[:, ~seen]))
     assert np.all((scores[:, seen] >= 0) & (scores[:, seen] <= 1))
@@ -149,7 +150,7 @@ def test_scores_and_costs_lie_between_0_and_1_in_the_order_of_their_names(comput
             critical = LIMIT[("curvature", "slope").index(kind)]
             expected = np.nan_to_num(np.clip(getattr(features, kind)[scale] / critical, 0, 1), nan=1.0)
             np.testing.assert_allclose(ours, np.where(seen, expected, np.nan), rtol=1e-12)
-    cost = np.asarray(foothold_cost(features, weights(), 3, 0.7))
+    cost = np.asarray(COST(features, weights(), 3, 0.7))
     expected = np.tensordot(weights().weight[3], scores, 1)
     np.testing.assert_allclose(cost, np.where(np.isnan(expected), np.inf, expected), rtol=1e-12)
 
@@ -167,7 +168,7 @@ def test_a_spike_and_a_wall_are_the_worst_footholds_but_known(compute):
     elevation = np.zeros(SHAPE)
     elevation[8, 6], elevation[:, 16:] = 1.0, 4.0 * SIZE * np.arange(2)
     elevation[3, 3] = np.nan
-    cost = np.asarray(foothold_cost(compute(elevation), weights(), 0, 0.0))
+    cost = np.asarray(COST(compute(elevation), weights(), 0, 0.0))
     np.testing.assert_allclose(cost[[8, 8], [6, 17]], 1.0, rtol=1e-12)
     assert np.isinf(cost[3, 3])
     assert cost[12, 6] < 0.5
@@ -198,7 +199,7 @@ def test_feet_cost_is_the_mean_over_the_windows(costs):
     features, cost_map = costs(ground(1), ALL)
     expected = np.full((8, *SHAPE), np.inf)
     for k, row in enumerate(windows(FEET, SIZE)):
-        cost = [np.asarray(foothold_cost(features, ALL.feet, leg, k * math.pi / 4)) for leg in range(len(LEGS))]
+        cost = [np.asarray(COST(features, ALL.feet, leg, k * math.pi / 4)) for leg in range(len(LEGS))]
         for i, j in np.ndindex(*SHAPE):
             legs = []
             for leg, cells in enumerate(row):

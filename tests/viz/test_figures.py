@@ -1,6 +1,7 @@
 """Figures: each writes one PNG, every axis has a name and a unit, and what is drawn is the data."""
 
 import csv
+import functools
 import re
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from jaxleg.planning.posture import CogPlan, joint_angles
 from jaxleg.robot import load_robot
 from jaxleg.terrain.generators import Grid, flat, stairs
 from jaxleg.viz import figures
+from tests.motions import QUICK
 
 ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
 GRID = Grid(56, 26, 0.04, (-0.9, -0.5))
@@ -197,7 +199,7 @@ def planned(robot):
     settings = CrawlSettings(*map(scalar, (0.05, np.deg2rad(20.0), 0.02, 0.1)), CogPlan(scalar(0.5), scalar(0.01)))
     offsets, status = jnp.zeros((2, 4, 2), float), jnp.zeros((2, 4), jnp.int32)
 
-    @jax.jit
+    @functools.partial(jax.jit, compiler_options=QUICK)
     def plan(terrain):
         walk = crawl(robot, params, settings, terrain, offsets, status)
         return walk, phase_starts(robot, walk)
@@ -205,9 +207,9 @@ def planned(robot):
     return plan
 
 
-@pytest.mark.parametrize("terrain", [flat(GRID), stairs(GRID, 0.08, 0.3, 0.1)], ids=["flat", "stairs"])
-def test_gait(robot, planned, terrain, drawn, tmp_path):
-    path = tmp_path / "gait.png"
+@pytest.mark.parametrize("make", [flat, lambda grid: stairs(grid, 0.08, 0.3, 0.1)], ids=["flat", "stairs"])
+def test_gait(robot, planned, make, drawn, tmp_path):
+    path, terrain = tmp_path / "gait.png", jax.jit(make, static_argnums=0)(GRID)
     walk, sampled = planned(terrain)
     figures.gait(robot, walk, sampled, terrain, path)
     side, top, *bar = panels(drawn, path)
@@ -216,7 +218,7 @@ def test_gait(robot, planned, terrain, drawn, tmp_path):
     assert all(has_unit(text) for ax in (side, top) for text in (ax.get_xlabel(), ax.get_ylabel()))
     assert len(top.patches) == 4  # support triangles
     feet = [line.get_xydata() for line in top.lines[-4:]]
-    np.testing.assert_allclose(feet, np.moveaxis(np.asarray(walk.footholds[..., :2]), 1, 0), atol=1e-6)
+    np.testing.assert_allclose(feet, np.moveaxis(np.asarray(walk.footholds)[..., :2], 1, 0), atol=1e-6)
     legs = [line.get_xydata() for line in side.lines if len(line.get_xydata()) == 3]
     assert len(legs) == 6 * 4
-    np.testing.assert_allclose([leg[-1] for leg in legs[:4]], walk.footholds[0][:, ::2], atol=1e-4)
+    np.testing.assert_allclose([leg[-1] for leg in legs[:4]], np.asarray(walk.footholds)[0][:, ::2], atol=1e-4)

@@ -17,7 +17,7 @@ from jaxleg.planning.footholds import Reachable
 from jaxleg.planning.planner import Choice, Site
 from jaxleg.planning.rectangle import SearchRectangle
 from jaxleg.search.config import Rectangle
-from jaxleg.terrain import Grid, flat
+from jaxleg.terrain import Grid, HeightMap
 from jaxleg.terrain.files import MapFile, save_map
 from jaxleg.viz import footholds
 from jaxleg.viz.footholds import Planned, draw_cascade, draw_footholds, search_cells
@@ -48,11 +48,9 @@ def drawn(monkeypatch):
 
 
 def planned(status, offset, heading=0.0, hole=()):
-    terrain = flat(GRID)
-    site = Site(
-        type(terrain)(terrain.elevation.at[hole].set(jnp.nan), terrain.origin, terrain.resolution),
-        jnp.ones((GRID.nx, GRID.ny), bool),
-    )
+    elevation = np.zeros((GRID.nx, GRID.ny))
+    elevation[hole] = np.nan
+    site = Site(GRID.map(jnp.asarray(elevation)), np.ones(elevation.shape, bool))
     box = SearchRectangle(*(jnp.asarray(x, float) for x in (0.3, 0.08, 0.08, 0.5, heading)))
     choice = Choice(jnp.asarray(offset, float), jnp.asarray(status, jnp.int32))
     return Planned(site, box, np.tile(FEET, (len(status), 1, 1)), choice)
@@ -62,17 +60,19 @@ def test_the_first_number_is_the_planners_choice(cases):
     for wanted, case in cases.items():
         cells = search_cells(case, wanted == WIDENED)
         assert cells.inside.sum() == (21 if wanted == WIDENED else 15)
-        np.testing.assert_allclose(cells.offset[cells.number == 1], case.choice.offset[0, :1], atol=1e-9)
+        np.testing.assert_allclose(cells.offset[cells.number == 1], np.asarray(case.choice.offset)[0, :1], atol=1e-9)
     assert search_cells(cases[WIDENED], False).number.max() == 0
 
 
 def test_removing_the_first_choice_makes_the_second_the_first(cases):
     case = cases[NOMINAL]
     cells = search_cells(case, False)
-    at = np.round((case.chosen()[0, 2] - case.site.terrain.origin) / case.site.terrain.resolution).astype(int)
-    site = case.site._replace(valid=case.site.valid.at[tuple(at)].set(False))
+    origin, resolution = np.asarray(case.site.terrain.origin), float(case.site.terrain.resolution)
+    valid = np.array(case.site.valid)
+    valid[tuple(np.round((case.chosen()[0, 2] - origin) / resolution).astype(int))] = False
+    site = case.site._replace(valid=valid)
     again = experiment.plan(site, case.rectangle, jnp.asarray(case.nominal), Reachable(*map(jnp.asarray, (-0.1, 0.1, 0.1))))
-    np.testing.assert_allclose(again.choice.offset[0, :1], cells.offset[cells.number == 2], atol=1e-9)
+    np.testing.assert_allclose(np.asarray(again.choice.offset)[0, :1], cells.offset[cells.number == 2], atol=1e-9)
 
 
 def test_cascade_has_the_papers_panels_and_the_chosen_stance(cases, drawn, tmp_path):
@@ -140,7 +140,8 @@ def test_level_ground_has_one_grey_and_a_scale(drawn, tmp_path):
 
 
 def saved(path, cells, resolution):
-    save_map(MapFile(flat(Grid(*cells, resolution, (0.0, 0.0))), np.zeros(3)), path)
+    ground = HeightMap(np.zeros(cells), np.zeros(2), np.array(resolution))
+    save_map(MapFile(ground, np.zeros(3)), path)
     return path
 
 
