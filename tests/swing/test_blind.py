@@ -13,7 +13,6 @@ from jaxleg.swing.arc import point_at
 from jaxleg.swing.blind import blind_swing, blind_swings
 from jaxleg.swing.machine import Mode, Step, begin, extended, printed, segment
 from jaxleg.swing.profile import natural_spline
-from tests.motions import QUICK
 
 STEP = Step(np.array([0.0, 3.0]), np.array([8.0, 3.0]))
 LEVEL = np.full((1, 15), 3.0)
@@ -34,7 +33,7 @@ def swings(machine, heights):
 def alone(step, heights):
     """Each swing of the extended machine by itself, with what a test has patched."""
     swing = jax.vmap(lambda knots: blind_swing(extended(), step, natural_spline(knots)))
-    return jax.device_get(jax.jit(swing, compiler_options=QUICK)(heights))
+    return jax.device_get(jax.jit(swing)(heights))
 
 
 def terrains(count, above, below, amplitude, seed=0):

@@ -1,7 +1,6 @@
 """Planners against shortest ways found otherwise, the field's gradient, predicted obstacles, and swings with maps."""
 
 import dataclasses
-import functools
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +17,6 @@ from jaxleg.swing.planner import as_printed, cautious, plan, predicted, repaired
 from jaxleg.swing.profile import height, natural_spline
 from jaxleg.swing.route import Route, follow, route_length
 from jaxleg.swing.routing import clearance_of, potential
-from tests.motions import QUICK
 
 STEP = Step(np.array([0.0, 3.0]), np.array([8.0, 3.0]))
 ABOVE = np.array([0.0, 3.0 + 1e-6])
@@ -40,7 +38,7 @@ def map_of(knots):
     return sampled(natural_spline(knots), -0.5, 9.5, 201)
 
 
-@functools.partial(jax.jit, compiler_options=QUICK)
+@jax.jit
 def queue(planner, step, heights, believed):
     return informed_swings(printed(), planner, step, jax.vmap(natural_spline)(heights), jax.vmap(map_of)(believed))
 

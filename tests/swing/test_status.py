@@ -14,7 +14,6 @@ from jaxleg.swing.machine import Mode, Step, extended, printed
 from jaxleg.swing.planner import shortest
 from jaxleg.swing.profile import Profile, natural_spline
 from jaxleg.swing.status import StepStatus, check_step, status_on_map, status_on_profile
-from tests.motions import QUICK
 
 STEP = Step(np.array([0.0, 3.0]), np.array([8.0, 3.0]))
 LEVEL = Profile(np.tile([3.0, 0.0, 0.0, 0.0], (14, 1)), np.array(0.0), np.array(1.0))
@@ -69,14 +68,14 @@ def test_a_bad_lane_stalls_at_once_and_leaves_the_others_alone():
     heights = np.full((3, 15), 3.0)
     heights[1, 0] = 5.0
     profiles = jax.jit(jax.vmap(natural_spline))(heights)
-    blind = jax.jit(blind_swings, compiler_options=QUICK)(printed(), STEP, profiles)
+    blind = jax.jit(blind_swings)(printed(), STEP, profiles)
     np.testing.assert_array_equal(blind.exit, [Mode.SUPPORTED, Mode.STALLED, Mode.SUPPORTED])
     np.testing.assert_array_equal(blind.status, [StepStatus.OK, StepStatus.START_IN_GROUND, StepStatus.OK])
     ground = np.full((3, 201), 3.0)
     ground[2, 60] = np.nan
     maps = LocalMap(ground, np.full(3, -0.5), np.full(3, 0.05))
     profiles = Profile(np.stack([LEVEL.coefficients] * 3), np.zeros(3), np.ones(3))
-    informed = jax.jit(informed_swings, compiler_options=QUICK)(printed(), shortest(), STEP, profiles, maps)
+    informed = jax.jit(informed_swings)(printed(), shortest(), STEP, profiles, maps)
     informed = jax.device_get(informed)
     np.testing.assert_array_equal(informed.swing.exit, [Mode.SUPPORTED, Mode.SUPPORTED, Mode.STALLED])
     assert informed.swing.status[2] == StepStatus.UNSEEN

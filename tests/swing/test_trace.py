@@ -14,7 +14,6 @@ from jaxleg.swing.planner import cautious
 from jaxleg.swing.profile import height, natural_spline
 from jaxleg.swing.trace import blind_trace, informed_trace
 from jaxleg.viz.swing import SwingPicture, draw_course, draw_front, draw_swings
-from tests.motions import QUICK
 
 STEP = Step(np.array([0.0, 3.0]), np.array([8.0, 3.0]))
 KNOTS = np.random.default_rng(6).uniform(2.2, 4.6, 15)
@@ -43,7 +42,7 @@ def joined(trace):
 
 
 def test_a_blind_trace_is_the_swing(machines, profile):
-    swing_of = jax.jit(blind_swing, compiler_options=QUICK)
+    swing_of = jax.jit(blind_swing)
     for machine in machines:
         swing, trace = jax.device_get(swing_of(machine, STEP, profile)), blind_trace(machine, STEP, profile, 64)
         assert len(trace.mode) == swing.segments > 1
@@ -55,7 +54,7 @@ def test_a_blind_trace_is_the_swing(machines, profile):
 def test_an_informed_trace_is_the_swing(profile):
     wrong = jax.jit(sampled, static_argnums=3)(spline(LOWERED), -0.5, 9.5, 201)
     case = (printed(), cautious(clearance=0.1), STEP, profile, wrong)
-    informed, trace = jax.jit(informed_swing, compiler_options=QUICK)(*case), informed_trace(*case)
+    informed, trace = jax.jit(informed_swing)(*case), informed_trace(*case)
     assert len(trace.mode) == informed.swing.segments > 1
     assert trace.mode[0] == Mode.ROUTE
     assert trace.ground is not None

@@ -1,7 +1,5 @@
 """One compiled cost map for all tests of costs: its windows are small, and so is the map."""
 
-import functools
-
 import jax
 import jax.numpy as jnp
 import pytest
@@ -11,7 +9,6 @@ from jaxleg.terrain.body_cost import BodySettings
 from jaxleg.terrain.cost_map import Windows, total_cost
 from jaxleg.terrain.foothold_cost import FeetSettings
 from jaxleg.terrain.foothold_features import foothold_features
-from tests.motions import QUICK
 
 SIZE = 0.04  # [m]
 STANCE = ((0.12, 0.10), (0.12, -0.10), (-0.14, 0.10), (-0.14, -0.10))
@@ -27,7 +24,7 @@ def windows():
 def costs(windows):
     """Foothold features and cost map of an elevation of 18 x 18 cells and weights."""
 
-    @functools.partial(jax.jit, compiler_options=QUICK)
+    @jax.jit
     def compute(elevation, weights):
         terrain = HeightMap(elevation, jnp.zeros(2, elevation.dtype), jnp.array(SIZE, elevation.dtype))
         footholds = foothold_features(terrain, SIZE, windows.foothold)

@@ -12,7 +12,6 @@ import pytest
 from jaxleg.terrain import HeightMap
 from jaxleg.terrain import body_cost as module
 from jaxleg.terrain.body_cost import BodyFeatures, BodySettings, BodyWeights, body_features
-from tests.motions import QUICK
 
 SHAPE = (22, 17)
 PAPER = BodySettings(radius=0.18, critical_count=5)
@@ -25,7 +24,7 @@ DATA = Path(__file__).parents[2] / ".." / "shared" / "data"
 body_cost = jax.jit(module.body_cost, static_argnums=2)
 
 
-@functools.partial(jax.jit, static_argnums=(1, 2), compiler_options=QUICK)
+@functools.partial(jax.jit, static_argnums=(1, 2))
 def compute(elevation, resolution, settings, softness=None):
     terrain = HeightMap(elevation, jnp.zeros(2, elevation.dtype), jnp.array(resolution, elevation.dtype))
     return body_features(terrain, resolution, settings, softness)

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose
 from scipy.interpolate import PchipInterpolator
 
 from jaxleg.terrain import HeightMap, height, height_and_gradient, nearest_height, normal
-from tests.motions import QUICK
 
 RESOLUTION, ORIGIN, SHAPE = 0.05, np.array([-0.2, 0.3]), (9, 7)
 ELEVATION = np.random.default_rng(0).normal(scale=0.05, size=SHAPE)
@@ -102,7 +101,7 @@ def steepness(terrain, point):
     return value + jnp.sum(slope * slope) + jnp.sum(normal(terrain, point))
 
 
-bends = jax.jit(jax.vmap(jax.grad(steepness, argnums=(0, 1)), in_axes=(None, 0)), compiler_options=QUICK)
+bends = jax.jit(jax.vmap(jax.grad(steepness, argnums=(0, 1)), in_axes=(None, 0)))
 
 
 @pytest.mark.parametrize("rough", [0.0, 1e-20, 1e-12, 1e-4])

@@ -1,7 +1,6 @@
 """Figures: each writes one PNG, every axis has a name and a unit, and what is drawn is the data."""
 
 import csv
-import functools
 import re
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from jaxleg.planning.posture import CogPlan, joint_angles
 from jaxleg.robot import load_robot
 from jaxleg.terrain.generators import Grid, flat, stairs
 from jaxleg.viz import figures
-from tests.motions import QUICK
 
 ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
 GRID = Grid(56, 26, 0.04, (-0.9, -0.5))
@@ -199,7 +197,7 @@ def planned(robot):
     settings = CrawlSettings(*map(scalar, (0.05, np.deg2rad(20.0), 0.02, 0.1)), CogPlan(scalar(0.5), scalar(0.01)))
     offsets, status = jnp.zeros((2, 4, 2), float), jnp.zeros((2, 4), jnp.int32)
 
-    @functools.partial(jax.jit, compiler_options=QUICK)
+    @jax.jit
     def plan(terrain):
         walk = crawl(robot, params, settings, terrain, offsets, status)
         return walk, phase_starts(robot, walk)
