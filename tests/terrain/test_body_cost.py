@@ -25,10 +25,12 @@ DATA = Path(__file__).parents[2] / ".." / "shared" / "data"
 body_cost = jax.jit(module.body_cost, static_argnums=2)
 
 
-@functools.partial(jax.jit, static_argnums=(1, 2), compiler_options=QUICK)
-def compute(elevation, resolution, settings, softness=None):
+def features_of(elevation, resolution, settings, softness=None):
     terrain = HeightMap(elevation, jnp.zeros(2, elevation.dtype), jnp.array(resolution, elevation.dtype))
     return body_features(terrain, resolution, settings, softness)
+
+
+compute = jax.jit(features_of, static_argnums=(1, 2), compiler_options=QUICK)
 
 
 def around(values, i, j, radius, resolution):
@@ -193,7 +195,7 @@ def derivatives(settings, elevation, direction, softness=None):
     """Along a direction: forward and reverse mode; and the gradient."""
 
     def total(z):
-        return sum(jnp.nansum(x) for x in compute(z, 0.04, settings, softness)[:3])
+        return sum(jnp.nansum(x) for x in features_of(z, 0.04, settings, softness)[:3])
 
     gradient = jax.grad(total)(elevation)
     value, forward = jax.jvp(total, (elevation,), (direction,))
