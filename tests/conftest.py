@@ -22,7 +22,7 @@ def pegasus():
     return load_robot(Path(__file__).parents[1] / "configs/robots/pegasus.toml")
 
 
-LONGEST = ("test_search.py", "test_rollout_gradient.py")
+LONGEST = ("test_search.py", "test_navigate.py", "test_reactive.py", "test_rollout_gradient.py")
 
 
 def pytest_collection_modifyitems(items):
