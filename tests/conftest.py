@@ -22,6 +22,14 @@ def pegasus():
     return load_robot(Path(__file__).parents[1] / "configs/robots/pegasus.toml")
 
 
+@pytest.fixture(scope="module")
+def optimised():
+    """Programs of these tests run for longer than they compile."""
+    jax.config.update("jax_disable_most_optimizations", False)
+    yield
+    jax.config.update("jax_disable_most_optimizations", True)
+
+
 LONGEST = ("test_search.py", "test_navigate.py", "test_reactive.py", "test_rollout_gradient.py")
 
 

@@ -11,6 +11,8 @@ from scipy.sparse.csgraph import dijkstra
 from jaxleg.conventions import HEADINGS
 from jaxleg.planning.path import PathStatus, PathWeights, cost_to_go, find_path, heuristic, move_costs, soft_cost_to_go
 
+pytestmark = pytest.mark.usefixtures("optimised")
+
 SHAPE, COUNT, LONGEST = (24, 18), 1000, 150
 TOLERANCE = {"float64": 1e-5, "float32": 1e-4}
 STEPS = np.array(HEADINGS)

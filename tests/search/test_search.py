@@ -49,14 +49,13 @@ class Killed(BaseException):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def single():
-    """As users run it; conftest.py asks for float64 and little optimisation."""
-    ours = {"jax_enable_x64": True, "jax_default_matmul_precision": None, "jax_disable_most_optimizations": True}
-    for name, value in zip(ours, (False, "highest", False)):
-        jax.config.update(name, value)
+def single(optimised):
+    """float32, as users run it; conftest.py asks for float64."""
+    jax.config.update("jax_enable_x64", False)
+    jax.config.update("jax_default_matmul_precision", "highest")
     yield
-    for name, value in ours.items():
-        jax.config.update(name, value)
+    jax.config.update("jax_default_matmul_precision", None)
+    jax.config.update("jax_enable_x64", True)
 
 
 @pytest.fixture(scope="module")
