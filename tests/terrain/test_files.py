@@ -54,6 +54,12 @@ def test_a_map_in_utm_4_km_up_keeps_its_millimetres(tmp_path, x64):
         np.testing.assert_allclose(np.asarray(seen) + 20.0, there, atol=1e-5)
 
 
+def test_the_datum_is_the_one_nearest_to_a_maps_middle(tmp_path):
+    """By hand: 100 x 60 cells of 1 m from (960, 960) on have their middle at 1009.5 = 15.8 * 64 and 989.5 = 15.5 * 64."""
+    path = saved(tmp_path / "one.npz", elevation=np.zeros((100, 60)), resolution=1.0, origin_xy=np.full(2, 960.0))
+    assert load_map(path).datum.tolist() == [1024.0, 960.0, 0.0]
+
+
 @pytest.mark.parametrize("x64", [False, True])
 @pytest.mark.parametrize("middle", [0.0, 31.99, 32.0, 96.0, 160.0, 388096.0])
 def test_far_maps_are_read_back_equal_wherever_their_middle_is(tmp_path, x64, middle):
@@ -127,7 +133,10 @@ def test_codes_for_no_data_are_refused_with_their_number_of_cells(tmp_path, leve
     elevation[3:6, 4:9] = code
     with pytest.raises(InputError) as error:
         load_map(saved(tmp_path / "bad.npz", elevation=elevation, resolution=resolution))
-    for word in ("bad.npz", f"elevation is {code:g} m in 15 cells", "unseen", "must be NaN"):
+    ground = elevation[elevation != code]
+    nearest = ground.max() if code > level else ground.min()
+    gap = f"nowhere between that and {nearest:g} m" if abs(code) < 3e4 else "which is no height"
+    for word in ("bad.npz", f"elevation is {code:g} m in 15 cells", gap, "unseen", "must be NaN"):
         assert word in str(error.value)
 
 
