@@ -159,6 +159,7 @@ class _Place:
         return special.get(typing.get_origin(self.kind), self.scalar)(value)
 
     def table(self, value: Any) -> Any:
+        """A dataclass from a table; raises `InputError` for a key that is unknown or missing."""
         self.require(isinstance(value, dict), value)
         places = {name: self.at(name, kind, field.metadata) for name, (field, kind) in _fields(self.kind).items()}
         for name in value:
@@ -191,6 +192,7 @@ class _Place:
         return {name: self.at(name, kind, self.rule).convert(entry) for name, entry in value.items()}
 
     def scalar(self, value: Any) -> Any:
+        """A number, flag or string within its limits; raises `InputError` for any other."""
         fits = isinstance(value, _TYPES[self.kind]) and isinstance(value, bool) is (self.kind is bool)
         # no NaN passes the comparison, nor an integer that float() refuses
         self.require(fits and (self.kind is str or abs(value) <= sys.float_info.max), value)
@@ -200,6 +202,7 @@ class _Place:
         return self.kind(value)
 
     def allowed(self) -> str:
+        """What may stand here, in words."""
         origin, kinds = typing.get_origin(self.kind), typing.get_args(self.kind)
         if dataclasses.is_dataclass(self.kind):
             return f"a table with the keys {', '.join(_fields(self.kind))}"

@@ -32,7 +32,7 @@ from jaxleg.terrain.heightmap import HeightMap
 
 SHIFT_SHARES = (0.2, 0.4, 0.6, 0.8)  # Table 2: five equal parts of the shift, the last of them the swing's start
 BOX = ((0.0, 0.0), (0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.0))  # Table 1: (part of the way, part of the height)
-SWING_LOOKS = np.linspace(0.15, 0.85, 33)  # shares of a swing at which its ground is looked at: a step's are within a cell
+SWING_LOOKS = np.linspace(0.15, 0.85, 33)  # shares of a swing at which its ground is looked at: every 1/14 step at most
 Order = Literal["paper", "energy"]
 
 
@@ -209,6 +209,7 @@ def gait_nodes(robot: Robot, plan: GaitPlan, scene: Scene, stations: Stations) -
         return seen, _order(robot, plan, state, leg, seen)
 
     def attempt(state: State, seen: Footing, step, candidate):
+        """Whether one candidate can be stepped to and the state there, or why not and which others that rules out."""
         leg, place = legs[step % 4], place_of(candidate, plan.counts)
         target = seen.foot[place.foothold]
         feet = state.feet.at[leg].set(target)

@@ -32,6 +32,7 @@ def level_stance(robot: Robot, plan: GaitPlan) -> LevelStance:
     feet = jnp.stack([0.5 * x * plan.stance_length, 0.5 * y * plan.stance_width, jnp.zeros_like(x)], axis=1)
 
     def at(height: Float[Array, ""]) -> LevelStance:
+        """The stance with the hips at one height [m]."""
         zero = jnp.zeros_like(height)
         angles, status = joint_angles(robot, stand_pose(robot, plan.pose, feet, jnp.stack([height, zero, zero]), zero), feet)
         up, still = jnp.stack([zero, zero, zero + 1.0]), jnp.zeros_like(angles)

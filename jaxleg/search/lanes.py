@@ -143,6 +143,7 @@ class Lab:
         """Batched `proxy` with the cascade's choice, and the gradient of its objective with that choice held."""
 
         def lane(vector, site, setting):
+            """Score and gradient of one lane."""
             choice = self.choose(vector, site, setting.least_bend)
 
             def value(x):

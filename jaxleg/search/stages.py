@@ -75,6 +75,7 @@ def rank(state: Run, group: tuple[str, ...], training: dict[str, Lanes], ends: n
     lanes = pooled(training, group)
 
     def compute() -> np.ndarray:
+        """The best start of each search, by simulation of the proxy's best."""
         few = spread(lanes, search.rank_lanes)
         flat = ends.reshape(-1, ends.shape[-1])
         objective = judge(lambda *x: state.lab.proxy_gradients(*x)[0].objective, flat, few)
@@ -96,6 +97,7 @@ def polish(state: Run, group: tuple[str, ...], training: dict[str, Lanes], best:
     span = jnp.asarray(bounds(study, group[0], STAGES[-1]), float)
 
     def compute() -> np.ndarray:
+        """All searches' answers, the last one's after its steps downhill."""
         free, rate = descent.unbounded(jnp.asarray(best[-1]), span, least=1e-3), search.polish_rate
         kept, value, gradient = free, *simulated_gradient(state.lab, bounded(free, span), lanes)
         for step in range(search.polish_steps):

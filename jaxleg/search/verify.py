@@ -63,6 +63,7 @@ def check_proxy(state: Run) -> dict[str, Any]:
     counts = [share(study.search.proxy_gaits, len(kinds), i) for i in range(len(kinds))]
 
     def compute() -> agreement.Agreement:
+        """Both engines' energies and gradients at random feasible gaits of all kinds."""
         parts = []
         for kind, count in zip(kinds, counts):
             site = make_sites(study, float(state.robot.foot_radius), kind, held_out=False)

@@ -48,6 +48,7 @@ def mjx_engine(robot: Robot) -> Engine:
     feet = jnp.arange(4)
 
     def terms(q: Float[Array, "19"], v: Float[Array, "18"]) -> Terms:
+        """The terms at a configuration and velocity of one lane."""
         d = data.replace(qpos=q, qvel=v)
         with foreign():
             for stage in (smooth.kinematics, smooth.com_pos, smooth.crb, smooth.com_vel, smooth.rne):

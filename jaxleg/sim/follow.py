@@ -135,6 +135,7 @@ def _walker(engine: Engine, robot: Robot, ground: Ground, terrain: HeightMap, re
     first = _Walk(start, no_tally(dtype), jnp.array(True), zero, zero, reference.foot_pos[0], *kept)
 
     def tick(walk: _Walk) -> _Walk:
+        """One step of the engine, the trunk's place fed back; a walk that has ended stays as it is."""
         state, going = walk.state, walk.alive & (walk.index < last)
         terms = engine(state.q, state.v)
         low, high = samples_at(rows, walk.index)

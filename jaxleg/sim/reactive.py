@@ -82,6 +82,7 @@ def walk_reactively(
     trunk = watch_trunk(robot, terrain, start, first.feet)
 
     def body(carry, _):
+        """One step of the engine, then of the feet's machines on the forces they feel."""
         state, gait, felt, alive = carry
         leg, moving, now = _command(orders, gait, dt)
         terms = engine(state.q, state.v)

@@ -105,6 +105,7 @@ def _controller(robot: Robot, period: float):
     @jax.jit
     @jax.vmap
     def control(now: Reference, later: Reference, q, held, feet):
+        """The motors' control at a tick, from all lanes' states."""
         dt = jnp.asarray(period, q.dtype)
         held = held_feet(held, feet, now.contact, dt)
         jacobian = jax.vmap(foot_jacobian)(all_leg_frames(robot, q[7:].reshape(4, 3)))

@@ -109,6 +109,7 @@ def _follow(engine, robot, ground, terrain, reference, steps, metered_from, keep
 
     @functools.partial(jax.checkpoint, policy=jax.checkpoint_policies.save_only_these_names("alive"))
     def body(carry, inputs):
+        """One step; a lane that falls keeps its last state."""
         state, tally, alive = carry
         now, counts = inputs
         safe = jax.tree.map(lambda a, b: jnp.where(alive, a, b), state, start)

@@ -60,6 +60,7 @@ def informed_trace(
 @functools.partial(jax.jit, static_argnames="segments")
 def _informed(machine, planner, step, profile, local, segments):
     def draw(carry, _):
+        """One segment of the swing as points, and the route believed in."""
         state, route = carry.state, carry.route
         arc, stop = segment(machine, lifted(step), state), follow(route, profile)
         after = informed_segment(machine, planner, lifted(step), profile, carry)
