@@ -54,7 +54,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     lanes, vectors = distinct(study, 64 if quick else 1024)
     result = growth(lab, vectors, lanes, (16, 64) if quick else (64, 256, 1024)) | reverse(lab, vectors, lanes)
     few = first(lanes, 64)
-    tracks = lab.reference_lanes(vectors[:64], few.site, few.setting)
+    tracks = lab.plan_lanes(vectors[:64], few.site, few.setting).reference
     rates = {
         "jaxleg": rollout_rate(lab, vectors[:64], few),
         "mjx_native": mjx_rate(lab, few, tracks, field=True),
@@ -95,7 +95,7 @@ def rollout_rate(lab: Lab, vectors: np.ndarray, lanes: Lanes) -> dict[str, float
             break
     lab.engine  # noqa: B018  built outside of any tracing
     run = over_lanes(lambda terrain, track: simulate(lab.engine, lab.robot, lab.ground, terrain, track, lab.steps), lab.chunk)
-    arguments = lanes.site.terrain, lab.reference_lanes(vectors, lanes.site, lanes.setting)
+    arguments = lanes.site.terrain, lab.plan_lanes(vectors, lanes.site, lanes.setting).reference
     began = time.perf_counter()
     meters = run(*arguments)
     compiled = time.perf_counter() - began

@@ -24,6 +24,20 @@ def shared_out(batch: Callable[..., Any], chunk: int, devices: int | None = None
     expensive, let `layout` choose. What it is called with as `common=(...)` comes first among its arguments, whole on every
     device.
     """
+    shared = on_devices(batch, devices)
+    lanes = chunk * len(jax.local_devices()[:devices])
+
+    def call(*batched: Any, common: tuple = ()) -> Any:
+        return in_chunks(lambda *lanes: shared(common, lanes), lanes, *batched)
+
+    return call
+
+
+def on_devices(batch: Callable[..., Any], devices: int | None = None) -> Callable[[tuple, tuple], Any]:
+    """The compiled function (common, lanes) of one chunk: `common` whole on every device, the lanes in equal shares on all.
+
+    What is called one after the other within a chunk shares its programs with others, and stays on the devices between.
+    """
     mesh = jax.sharding.Mesh(np.array(jax.local_devices()[:devices]), ("lane",))
     along = jax.sharding.PartitionSpec("lane")
 
@@ -34,10 +48,7 @@ def shared_out(batch: Callable[..., Any], chunk: int, devices: int | None = None
     def shared(common, lanes):
         return batch(*common, *lanes)
 
-    def call(*batched: Any, common: tuple = ()) -> Any:
-        return in_chunks(lambda *lanes: shared(common, lanes), chunk * mesh.size, *batched)
-
-    return call
+    return shared
 
 
 def layout(count: int, most: int) -> tuple[int, int]:

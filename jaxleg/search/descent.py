@@ -63,6 +63,7 @@ def free_gradient(free: Float[Array, "*n parameter"], bounds, gradient) -> Float
     return gradient * (bounds[..., 1] - bounds[..., 0]) * share * (1.0 - share)
 
 
+@functools.cache  # equal ones are one, so that what they are static arguments of compiles once
 def make_optimiser(rate: float, steps: int) -> optax.GradientTransformation:
     """Adam whose rate falls to a tenth along a cosine: the last steps settle between the penalties' walls."""
     return optax.adam(optax.cosine_decay_schedule(rate, steps, alpha=0.1))

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from jaxleg.energy import CONVENTIONS, Convention, Power, electrical
@@ -22,9 +23,9 @@ from jaxleg.planning.posture import CogPlan
 from jaxleg.planning.proxy import checks as plan_checks
 from jaxleg.planning.proxy import evaluate
 from jaxleg.planning.rectangle import Extent, SearchRectangle
-from jaxleg.planning.reference import instants, reference, to_reference
+from jaxleg.planning.reference import instants, to_reference
 from jaxleg.robot import Robot
-from jaxleg.search.batches import over_lanes
+from jaxleg.search.batches import in_chunks, on_devices, over_lanes
 from jaxleg.search.config import Cog
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
@@ -36,6 +37,14 @@ OF_PLAN = ("knee_bend", "margin", "torque", "load", "joint_range")
 CONSTRAINTS = (*OF_PLAN, "search_behind", "step_reach", "search_reach", "knee_clear")
 SCALES = np.array([np.deg2rad(1.0), 0.01, 0.05, 0.1, np.deg2rad(1.0), 0.01, 0.01, 0.01, 0.01])  # one unit of violation
 LEAST_LOAD = 0.05  # every standing foot presses down with at least this share of a quarter of the weight
+
+
+class Planned(NamedTuple):
+    """A lane's plan as the simulation follows it."""
+
+    reference: Reference
+    slack: Float[Array, "constraint"]  # distance to each constraint, negative = violated, in its unit
+    checks: PlanChecks
 
 
 class Setting(NamedTuple):
@@ -125,18 +134,27 @@ class Lab:
         of_plan = (checks.knee_bend - setting.least_bend, checks.margin - setting.margin, 1.0 - checks.torque_ratio)
         return jnp.stack([*of_plan, checks.load - LEAST_LOAD, checks.joint_room, *gait])
 
-    def simulated(
-        self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting
-    ) -> tuple[Float[Array, ""], tuple[Score, Meters]]:
-        """Judge one lane by MJX; the constraints are those of the plan. Differentiable in `vector`."""
+    def planned(self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting) -> Planned:
+        """The plan of one lane, sampled for the simulation."""
         params, settings = to_params(vector), self.settings(setting.least_bend)
         walk = self.walk(params, site, choice, setting.least_bend)
         time, at = instants(self.robot, walk, settings, self.samples)
-        meters = simulate(self.engine, self.robot, self.ground, site.terrain, to_reference(time, at), self.steps)
-        energy, checks = per_metre(meters.energy, meters.distance), plan_checks(self.robot, walk, at)
-        slack = self.slack(params, checks, setting)
-        objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(slack)
-        return objective, (Score(objective, energy, slack, checks), meters)
+        checks = plan_checks(self.robot, walk, at)
+        return Planned(to_reference(time, at), self.slack(params, checks, setting), checks)
+
+    def followed(self, plan: Planned, site: Site, setting: Setting) -> tuple[Score, Meters]:
+        """Judge one lane's plan by MJX; the constraints are those of the plan."""
+        meters = simulate(self.engine, self.robot, self.ground, site.terrain, plan.reference, self.steps)
+        energy = per_metre(meters.energy, meters.distance)
+        objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(plan.slack)
+        return Score(objective, energy, plan.slack, plan.checks), meters
+
+    def simulated(
+        self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting
+    ) -> tuple[Float[Array, ""], tuple[Score, Meters]]:
+        """The objective of one lane by MJX, and what it came from. Differentiable in `vector`."""
+        score, meters = self.followed(self.planned(vector, site, choice, setting), site, setting)
+        return score.objective, (score, meters)
 
     @functools.cached_property
     def proxy_gradients(self) -> Callable[..., tuple[Score, Array]]:
@@ -156,24 +174,37 @@ class Lab:
         return over_lanes(lane, self.chunk)
 
     @functools.cached_property
-    def reference_lanes(self) -> Callable[..., Reference]:
-        """Batched sampled references with the cascade's choice: (vectors, sites, settings) -> references."""
+    def _plans(self) -> Callable[[tuple, tuple], Planned]:
+        """One chunk of `planned` with the cascade's choice; compiled once for all that follow plans."""
 
         def lane(vector, site, setting):
-            choice = self.choose(vector, site, setting.least_bend)
-            walk = self.walk(to_params(vector), site, choice, setting.least_bend)
-            return reference(self.robot, walk, self.settings(setting.least_bend), self.samples)
+            return self.planned(vector, site, self.choose(vector, site, setting.least_bend), setting)
 
-        return over_lanes(lane, self.chunk)
+        return on_devices(jax.vmap(lane))
+
+    def plan_lanes(self, vectors: Float[ArrayLike, "lane parameter"], sites: Site, settings: Setting) -> Planned:
+        """Batched `planned` with the cascade's choice."""
+        return in_chunks(lambda *lanes: self._plans((), lanes), self._lanes, vectors, sites, settings)
 
     @functools.cached_property
-    def simulate_lanes(self) -> Callable[..., tuple[Score, Meters]]:
-        """Batched `simulated`: (vectors, sites, settings) -> (scores, meters)."""
+    def _follow(self) -> Callable[[tuple, tuple], tuple[Score, Meters]]:
+        """One chunk of `followed`."""
+        return on_devices(jax.vmap(self.followed))
 
-        def lane(vector, site, setting):
-            return self.simulated(vector, site, self.choose(vector, site, setting.least_bend), setting)[1]
+    def simulate_lanes(
+        self, vectors: Float[ArrayLike, "lane parameter"], sites: Site, settings: Setting
+    ) -> tuple[Score, Meters]:
+        """Batched `simulated` with the cascade's choice."""
 
-        return over_lanes(lane, self.chunk)
+        def lanes(vectors, sites, settings):
+            return self._follow((), (self._plans((), (vectors, sites, settings)), sites, settings))
+
+        return in_chunks(lanes, self._lanes, vectors, sites, settings)
+
+    @property
+    def _lanes(self) -> int:
+        """Lanes of one chunk on all devices."""
+        return self.chunk * jax.local_device_count()
 
     @functools.cached_property
     def simulate_gradients(self) -> Callable[..., tuple[Score, Meters, Array]]:

@@ -15,7 +15,7 @@ def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int
     """Replay lanes (contestant by contestant) in C MuJoCo; constraints are those of the plan, their slack as the proxy says."""
     rows = jnp.asarray(vectors, float)
     score, _ = lab.proxy_gradients(rows, lanes.site, lanes.setting)
-    tracks = lab.reference_lanes(rows, lanes.site, lanes.setting)
+    tracks = lab.plan_lanes(rows, lanes.site, lanes.setting).reference
     terrains, tracks = (unstack(jax.tree.map(np.asarray, tree)) for tree in (lanes.site.terrain, tracks))
     verdicts = replay(lab.robot, terrains, tracks, float(lab.ground.friction))
     seen = {name: np.array([getattr(v, name) for v in verdicts], float) for name in Verdict._fields}

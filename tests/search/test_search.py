@@ -15,8 +15,10 @@ from jaxleg.cli.search import run_study
 from jaxleg.conventions import GRAVITY
 from jaxleg.robot import RobotFile, build_robot
 from jaxleg.search import run as runs
+from jaxleg.search import stages, verify
 from jaxleg.search.config import Study, bounds, robot_path
 from jaxleg.search.run_folder import RunFolder
+from jaxleg.search.sites import make_sites
 from jaxleg.search.study import run
 from jaxleg.settings import dump, load
 from jaxleg.viz import study as pictures
@@ -65,7 +67,7 @@ def robot(single):
 
 @pytest.fixture(scope="module", autouse=True, params=["proxy", pytest.param("simulation", marks=pytest.mark.slow)])
 def gradients(request, single, robot):
-    """Where the polish takes its gradients from: the simulation's take a minute to compile. All runs share one lab."""
+    """Where the polish takes its gradients from: the simulation's take a minute to compile. All runs share lab and terrains."""
     lab = runs.make_lab(STUDY, robot)
 
     def by_proxy(*lanes):
@@ -75,7 +77,21 @@ def gradients(request, single, robot):
         vars(lab)["simulate_gradients"] = by_proxy
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(runs, "make_lab", lambda *_: lab)
+        for module in (stages, verify):
+            patch.setattr(module, "make_sites", sites_once({}))
         yield request.param
+
+
+def sites_once(made):
+    """`make_sites`, which remembers what it `made`: a resume spends most of its time on terrains."""
+
+    def make(*study, **held_out):
+        which = repr((study, held_out))
+        if which not in made:
+            made[which] = make_sites(*study, **held_out)
+        return made[which]
+
+    return make
 
 
 def search(path, robot, resume, study=STUDY, saves=None):
