@@ -29,12 +29,18 @@ def standing(robot: Robot, turn: tuple[float, float, float] = (0.0, 0.0, 0.0)) -
     return Reference(np.linspace(0.0, SECONDS, count), *(np.repeat(np.asarray(x)[None], count, axis=0) for x in rows))
 
 
-def save_standing(path: Path, robot: Robot, elevation: np.ndarray | None = None, datum: np.ndarray | None = None) -> Path:
-    """Write the plan, on level ground of 60 x 50 cells unless another is given."""
+def save_standing(
+    path: Path,
+    robot: Robot,
+    elevation: np.ndarray | None = None,
+    datum: np.ndarray | None = None,
+    walk: Reference | None = None,
+) -> Path:
+    """Write the plan, or another `walk`, on level ground of 60 x 50 cells unless another is given."""
     elevation = np.zeros((60, 50)) if elevation is None else elevation
     terrain = HeightMap(elevation, np.zeros(2), np.array(0.04))
     ground = MapFile(terrain, np.zeros(3) if datum is None else datum)
-    walk = standing(robot)
+    walk = standing(robot) if walk is None else walk
     save_plan(path, "standing", robot, ground, walk, walk.foot_pos[[0, EACH]], np.zeros((2, 6)), TRUNK[:2], PARAMS)
     return path
 

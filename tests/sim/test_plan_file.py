@@ -46,6 +46,14 @@ def test_a_plan_comes_back_as_it_was(tmp_path, pegasus):
     assert file.samples == EACH
 
 
+def test_a_foot_counts_as_in_contact_that_bears_more_than_half_of_what_it_will(tmp_path, pegasus):
+    walk = standing(pegasus)
+    walk.contact[3] = [1.0, 0.45, 0.0, 0.55]
+    saved = arrays_of(save_standing(tmp_path / "plan.npz", pegasus, walk=walk))
+    np.testing.assert_array_equal(saved["contact"][3], [True, False, False, True])
+    np.testing.assert_array_equal(saved["load"], walk.contact)
+
+
 def test_the_map_of_a_plan_is_a_map_file_too(tmp_path, pegasus):
     datum = np.array([388096.0, 3948992.0, 4032.0])
     again = load_map(save_standing(tmp_path / "plan.npz", pegasus, datum=datum))
