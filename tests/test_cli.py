@@ -54,8 +54,15 @@ def config(tmp_path):
         (KIND + "[terrains]\ntrain = 0\n", ["terrains.train", "0", "at least 1"]),
         (KIND + "[bounds]\nhip_height = [0.58, 0.40]\n", ["bounds.hip_height", "lower end"]),
         (KIND + "[bounds]\nhip_height = [0.20, 0.25]\n", ["bounds.hip_height", "H_COG > L2", "0.26"]),
-        (KIND + "[bounds]\nhip_height = [0.59, 0.60]\n", ["constraint (6)", "bounds.hip_height", "step length"]),
-        (KIND + "[bounds]\nstep_length = [0.10, 0.14]\n", ["constraint (5)", "search_length"]),
+        (
+            KIND + "[bounds]\nhip_height = [0.59, 0.60]\n",
+            ["constraint (6)", "bounds.hip_height", "step length of at least 0.12", "than 0.109"],
+        ),
+        (KIND + "[bounds]\nstep_length = [0.10, 0.14]\n", ["constraint (5)", "search_length", "less than 0.28"]),
+        (
+            KIND + "[bounds]\nhip_height = [0.55, 0.58]\n[rectangle]\nsearch_length = 0.45\n",
+            ["constraint (7)", "search_length is 0.45", "less than 0.420 at bounds.hip_height"],
+        ),
         (KIND + "[rectangle]\nsearch_length = 0.9\n", ["search_length", "0.9", "constraint"]),
         (KIND + "[terrains]\nresolution = 0.05\n", ["terrains.resolution", "0.05", "foot", "0.04"]),
         (KIND + "[rectangle]\nsearch_width = 0.01\n", ["terrains.resolution", "search_width", "0.01"]),

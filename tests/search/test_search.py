@@ -191,6 +191,7 @@ def test_every_descent_goes_down(answer, whole):
             means = [float(row["mean"]) for row in rows if (row["kind"], row["stage"]) == (kind, stage)]
             assert means == sorted(means, reverse=True)
             assert len(means) == 3
+            assert all(float(row["best"]) < float(row["mean"]) for row in rows)
 
 
 def test_the_proxy_is_honest(answer, gradients):
