@@ -85,6 +85,14 @@ def test_no_contact_of_the_trunk_is_missed(clearances, pegasus, seed):
         assert clear <= true + 1e-6
 
 
+def test_unseen_ground_is_no_obstacle(clearances):
+    """As good as a hole deeper than all others."""
+    elevation = ground(0)
+    hole = np.where(np.isfinite(elevation), elevation, -50.0)
+    for seen, wanted in zip(clearances(elevation, *poses(0))[:2], clearances(hole, *poses(0))[:2]):
+        np.testing.assert_array_equal(seen, wanted)
+
+
 def test_points_lie_on_thighs_and_shanks(clearances, pegasus):
     _, _, points, angles = clearances(ground(0), *poses(5))
     assert points.shape[2] == len(THIGH) + len(SHANK)
