@@ -1,15 +1,18 @@
 """Candidate footholds against plain loops, and what makes a step impossible: reach, balance, walls, the unseen."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxleg.planning.config import Navigation
-from jaxleg.planning.gaits import Scene, State, footing, holding_power, swing_apex, transition
+from jaxleg.planning.gaits import Scene, State, footing, gait_nodes, holding_power, swing_apex, transition
 from jaxleg.planning.navigation import make_navigator
-from jaxleg.planning.pose import stand_pose, swing_pose
-from jaxleg.planning.states import Cause
+from jaxleg.planning.pose import shift_time, stand_pose, swing_pose
+from jaxleg.planning.states import Cause, adjustment, place_of
+from jaxleg.planning.stations import Stations
 from jaxleg.swing.cycloid import swing_foot
 from jaxleg.terrain import HeightMap
 from tests.planning.conftest import gait
@@ -137,3 +140,36 @@ def test_holding_power_is_least_with_nearly_straight_legs(pegasus):
     power = jax.jit(lambda robot, h: holding_power(robot, jnp.asarray(FEET), h * up, jnp.ones(4)))
     high, low = power(pegasus, 0.56), power(pegasus, 0.42)
     assert 0.0 < high < 0.5 * low
+
+
+def test_the_order_by_energy_is_of_foothold_cost_plus_weighed_energy(navigator, pegasus):
+    """Candidate by candidate: the energy is of holding the pose while the trunk shifts to it and RH swings."""
+    plan = dataclasses.replace(navigator.gait, order="energy", energy_weight=jnp.array(3.0), energy=jnp.array(70.0))
+    rng = np.random.default_rng(1)
+    scene = Scene(terrain_of(LEVEL), jnp.ones(SHAPE, bool), jnp.asarray(rng.random((4, 8, *SHAPE))), None)
+    stations = Stations(jnp.zeros((4, 2)), jnp.zeros(4), jnp.array(4))
+    adjust = adjustment(place_of(np.arange(plan.counts.candidates), plan.counts), plan.adjustments, plan.counts)
+    feet, standing, leg = jnp.asarray(FEET), np.arange(4) != LEG, jnp.array(LEG)
+
+    @jax.jit
+    def run(adjust):
+        start = stand_pose(pegasus, plan.pose, feet, jnp.array([0.46, 0.0, 0.0]), jnp.array(0.0))
+        seen, order = gait_nodes(pegasus, plan, scene, stations).expand(State(feet, start), jnp.array(0))
+        landed = feet.at[LEG].set(seen.foot[0])
+
+        def energy(adjust):
+            pose = swing_pose(pegasus, plan.pose, feet, landed, leg, adjust, start[5])
+            seconds = shift_time(start, pose, plan.acceleration) + plan.swing_time
+            return holding_power(pegasus, landed, pose, jnp.asarray(standing, float)) * seconds
+
+        return seen.cost, order, jax.lax.map(energy, adjust)
+
+    cost, order, energy = map(np.asarray, run(adjust))
+    foothold = np.asarray(place_of(np.arange(plan.counts.candidates), plan.counts).foothold)
+    value = cost[foothold] + 3.0 * energy / 70.0
+    np.testing.assert_array_equal(np.sort(order), np.arange(plan.counts.candidates))
+    usable = np.isfinite(value[order])
+    assert usable.mean() > 0.5
+    assert np.all(usable[: usable.sum()])
+    assert np.all(np.diff(value[order][usable]) >= -1e-9)
+    assert np.ptp(3.0 * energy[np.isfinite(energy)] / 70.0) > 0.1 * np.ptp(cost)  # both count
