@@ -107,6 +107,14 @@ def test_case_4_goes_forward_by_as_far_as_it_went_back(machine):
     np.testing.assert_allclose(over, [wall, 3.5 + 0.3 * (7.5 - 3.5)], atol=1e-12)
 
 
+@pytest.mark.parametrize(("slope", "side"), [(0.7, -1.0), (-0.7, 1.0)])
+def test_the_corner_is_the_end_of_the_interval_that_the_slope_falls_to(slope, side):
+    """Paper B, (5): F_x < 0 on a rising slope."""
+    state = begin(STEP)._replace(point=np.array([7.0, 5.0]), slope=np.array(slope), mode=int(Mode.CORNER))
+    end = segment_end(printed(allowance=0.4), STEP, state)
+    np.testing.assert_allclose(end, [STEP.target[0] + side * 0.4, 0.0], atol=1e-12)
+
+
 def test_a_lost_search_ends_the_swing_at_once(monkeypatch):
     monkeypatch.setattr(contact, "STEPS", 1)
     near = STEP._replace(start=np.array([7.5, 3.0]))  # it is lost within the end interval, where the machine would probe on

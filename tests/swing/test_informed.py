@@ -58,6 +58,8 @@ def test_with_a_map_that_is_right_nothing_is_hit_and_the_way_is_nearly_the_short
     assert np.all(seen.swing.exit == Mode.SUPPORTED)
     assert not np.any(seen.swing.collisions)
     assert not np.any(seen.swing.adjustments)
+    ratio = seen.swing.time / seen.swing.length  # a cycloid at peak speed 1 takes 2; it ends at a touch, a little early
+    assert 1.8 < ratio.min() < ratio.max() < 2.0
     ways = np.array([shortest_way(knots) for knots in heights[:100]])
     ratio = seen.swing.length[:100] / ways
     assert ratio.min() > 1.0
