@@ -16,7 +16,7 @@ from jaxleg.swing.machine import Mode, Sensed, Step, printed
 from jaxleg.swing.planner import as_printed, cautious, plan, predicted, repaired, shortest, view
 from jaxleg.swing.profile import height, natural_spline
 from jaxleg.swing.route import Route, follow, route_length
-from jaxleg.swing.routing import clearance_of, potential
+from jaxleg.swing.routing import FLOOR, STRIDE, clearance_of, potential
 
 STEP = Step(np.array([0.0, 3.0]), np.array([8.0, 3.0]))
 ABOVE = np.array([0.0, 3.0 + 1e-6])
@@ -36,6 +36,13 @@ def terrains(count, seed=0):
 @jax.jit
 def map_of(knots):
     return sampled(natural_spline(knots), -0.5, 9.5, 201)
+
+
+@jax.jit
+def field_routes(knots):
+    local = jax.vmap(map_of)(knots)
+    one = lambda seen: plan(printed(), as_printed(), STEP, seen, ABOVE, jnp.array(False))  # noqa: E731
+    return local, jax.vmap(one)(local)
 
 
 @jax.jit
@@ -128,6 +135,19 @@ def test_the_field_is_finite_and_points_out_of_obstacles():
     np.testing.assert_allclose(down[5], -20.0 * (np.array([3.0, 5.0]) - goal), rtol=1e-9)
     u = 10.0 * (6.0**2 + 0.53**2) + 1000.0 * (1 / 0.03 - 1 / 0.05)
     np.testing.assert_allclose(value[6], u, rtol=1e-9)  # (12) by hand
+
+
+def test_the_field_as_printed_finds_a_route_where_its_descent_arrives_and_stays_clear():
+    """Of 300 terrains, by its points and those half way between; without the preset obstacle."""
+    local, route = jax.device_get(field_routes(terrains(300)))
+    close, planner = [], as_printed()
+    for ground, way in zip(local.ground, route.corner[:, 1:-1]):
+        seen = np.concatenate([way[:-1], way[1:], 0.5 * (way[:-1] + way[1:])])
+        close.append(np.min(seen[:, 1] - np.interp(seen[:, 0], np.linspace(-0.5, 9.5, 201), ground)))
+    goal = route.corner[:, -1] + [0.0, float(planner.press)]
+    arrives = np.linalg.norm(route.corner[:, -2] - goal, axis=1) <= float(planner.clearance) + STRIDE
+    assert 0.05 < route.found.mean() < 0.95
+    np.testing.assert_array_equal(route.found, arrives & (np.array(close) >= FLOOR))
 
 
 def test_the_field_as_printed_sticks_at_its_own_preset_obstacle():
