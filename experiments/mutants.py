@@ -143,7 +143,9 @@ def _first_failure(copy: Path, tests: list[str], limit: float) -> str:
     except subprocess.TimeoutExpired:
         return "time limit"
     lines = [x for x in done.stdout.splitlines() if x.startswith(("FAILED", "ERROR"))]
-    return "" if done.returncode == 0 else (lines[0].split(" - ")[0].partition(" ")[2] if lines else f"status {done.returncode}")
+    if done.returncode == 0:
+        return ""
+    return lines[0].split(" - ")[0].partition(" ")[2] if lines else f"status {done.returncode}"
 
 
 def main(count: int = 84, seed: int = 0, workers: int = 2, out: Path | None = None, quick: bool = False) -> bool:
