@@ -29,6 +29,7 @@ def over_queue(
         return jax.tree.map(lambda x: x[jnp.minimum(index, count - 1)], items)
 
     def proceed(carry):
+        """Every lane one step on; one that is done writes its result and takes the next item."""
         index, item, state, upcoming, results = carry
         state = _where(jax.vmap(going)(state), jax.vmap(advance)(item, state), state)
         done = ~jax.vmap(going)(state)

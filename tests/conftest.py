@@ -15,7 +15,7 @@ _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jax
 jax.config.update("jax_compilation_cache_dir", os.environ.get("JAXLEG_CACHE") or str(_CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 jax.config.update("jax_disable_most_optimizations", True)  # most programs of the tests run for less time than they compile
-if jax.__version_info__ < (0, 11):  # later ones have no other way to build a kernel than the one that takes three times as long
+if jax.__version_info__ < (0, 11):  # later ones build a kernel only in the way that takes more than twice as long
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_use_fusion_emitters=false"
 
 

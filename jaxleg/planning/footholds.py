@@ -165,6 +165,7 @@ def _resort(nominal, footing, terrain, rectangle, reachable: Reachable, level, l
     start, size = nearest_cell(terrain, nominal), jnp.array([[footing.shape]], jnp.int32)
 
     def look(state):
+        """The next block of cells: whether one of them will do for a foot that has none yet."""
         at, found, pick = state
         some = jax.lax.dynamic_slice(order, (at,), (BLOCK,))
         cell = start[:, None] + jnp.asarray(cells, jnp.int32)[:, some]

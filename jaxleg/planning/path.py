@@ -119,6 +119,7 @@ def _sweep(value, costs, aside, sign):
     """Row after row against the direction of travel: the least of what a row has and of moving on to the row before it."""
 
     def row(ahead, inputs):
+        """One row, from the values of the row ahead of it."""
         best, cost = inputs
         border = jnp.full((1, ahead.shape[1]), jnp.inf, ahead.dtype)
         padded = jnp.concatenate([border, ahead, border])
@@ -243,6 +244,7 @@ def _soft(moves, goal, temperature):
     at_goal, reached = _at_goal(exact.shape, goal), jnp.isfinite(exact)
 
     def improve(carry):
+        """One round of soft least costs, and by how much it changed any of them."""
         value, _, rounds = carry
         onward = onward_costs(moves, value)
         soft = -temperature * jax.nn.logsumexp(-onward / temperature, axis=0)

@@ -70,6 +70,7 @@ def stations(route: Route, stride: Stride, yaw: Float[Array, ""], count: int) ->
     step, turn = 0.5 * stride.step_length, 0.5 * stride.turn
 
     def onward(carry, _):
+        """Half a cycle further along the route, less what the turn takes of the feet's way."""
         way, yaw = carry
         ahead = _at(route, jnp.minimum(way + step, route.length))
         wanted = jnp.arctan2(jnp.sin(ahead[2] - yaw), jnp.cos(ahead[2] - yaw))

@@ -39,7 +39,7 @@ SCALES = np.array([np.deg2rad(1.0), 0.01, 0.05, 0.1, np.deg2rad(1.0), 0.01, 0.01
 LEAST_LOAD = 0.05  # every standing foot presses down with at least this share of a quarter of the weight
 
 
-class Planned(NamedTuple):
+class LanePlan(NamedTuple):
     """A lane's plan as the simulation follows it."""
 
     reference: Reference
@@ -134,15 +134,15 @@ class Lab:
         of_plan = (checks.knee_bend - setting.least_bend, checks.margin - setting.margin, 1.0 - checks.torque_ratio)
         return jnp.stack([*of_plan, checks.load - LEAST_LOAD, checks.joint_room, *gait])
 
-    def planned(self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting) -> Planned:
-        """The plan of one lane, sampled for the simulation."""
+    def plan(self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting) -> LanePlan:
+        """The plan of one lane, sampled for the simulation. Differentiable in `vector`, the footholds held."""
         params, settings = to_params(vector), self.settings(setting.least_bend)
         walk = self.walk(params, site, choice, setting.least_bend)
         time, at = instants(self.robot, walk, settings, self.samples)
         checks = plan_checks(self.robot, walk, at)
-        return Planned(to_reference(time, at), self.slack(params, checks, setting), checks)
+        return LanePlan(to_reference(time, at), self.slack(params, checks, setting), checks)
 
-    def followed(self, plan: Planned, site: Site, setting: Setting) -> tuple[Score, Meters]:
+    def followed(self, plan: LanePlan, site: Site, setting: Setting) -> tuple[Score, Meters]:
         """Judge one lane's plan by MJX; the constraints are those of the plan."""
         meters = simulate(self.engine, self.robot, self.ground, site.terrain, plan.reference, self.steps)
         energy = per_metre(meters.energy, meters.distance)
@@ -153,7 +153,7 @@ class Lab:
         self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting
     ) -> tuple[Float[Array, ""], tuple[Score, Meters]]:
         """The objective of one lane by MJX, and what it came from. Differentiable in `vector`."""
-        score, meters = self.followed(self.planned(vector, site, choice, setting), site, setting)
+        score, meters = self.followed(self.plan(vector, site, choice, setting), site, setting)
         return score.objective, (score, meters)
 
     @functools.cached_property
@@ -174,16 +174,16 @@ class Lab:
         return over_lanes(lane, self.chunk)
 
     @functools.cached_property
-    def _plans(self) -> Callable[[tuple, tuple], Planned]:
-        """One chunk of `planned` with the cascade's choice; compiled once for all that follow plans."""
+    def _plans(self) -> Callable[[tuple, tuple], LanePlan]:
+        """One chunk of `plan` with the cascade's choice; compiled once for all that follow plans."""
 
         def lane(vector, site, setting):
-            return self.planned(vector, site, self.choose(vector, site, setting.least_bend), setting)
+            return self.plan(vector, site, self.choose(vector, site, setting.least_bend), setting)
 
         return on_devices(jax.vmap(lane))
 
-    def plan_lanes(self, vectors: Float[ArrayLike, "lane parameter"], sites: Site, settings: Setting) -> Planned:
-        """Batched `planned` with the cascade's choice."""
+    def plan_lanes(self, vectors: Float[ArrayLike, "lane parameter"], sites: Site, settings: Setting) -> LanePlan:
+        """Batched `plan` with the cascade's choice."""
         return in_chunks(lambda *lanes: self._plans((), lanes), self._lanes, vectors, sites, settings)
 
     @functools.cached_property

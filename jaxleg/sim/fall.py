@@ -48,6 +48,7 @@ def _widened(elevation: Float[Array, "nx ny"], cells: Int[Array, ""]) -> Float[A
     """The highest cell within so many cells along x and y."""
 
     def grow(_, h):
+        """Widened by one cell to either side."""
         for axis in (0, 1):
             low = jnp.full_like(jax.lax.slice_in_dim(h, 0, 1, axis=axis), -jnp.inf)
             before = jnp.concatenate([low, jax.lax.slice_in_dim(h, 0, -1, axis=axis)], axis)

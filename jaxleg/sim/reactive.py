@@ -132,6 +132,7 @@ def _command(orders: _Orders, gait: _Gait, dt):
     moving = swings & (gait.clock >= load_share * phase.duration) & (gait.swing.state.mode < Mode.SUPPORTED)
 
     def at(later):
+        """Trunk (6,) and feet (4, 3) that are wanted so much later [s]."""
         share = jnp.minimum((gait.clock + later) / phase.duration, 1.0)  # the trunk only moves in shifts
         rise = gait.raised[0] + (gait.raised[1] - gait.raised[0]) * smoothstep(share)
         rise = jnp.where(swings | (gait.phase >= walk.phases.start.shape[0]), gait.raised[1], rise)

@@ -54,6 +54,7 @@ def first_contact(cells: Cells, gap_and_rate: Callable[..., tuple[Array, Array]]
         return ~hit & (cell < count) & (steps < STEPS)
 
     def advance(state):
+        """On to where the ground could be met at the earliest, at most to the cell's end."""
         at, cell, _, steps = state
         gap, rate = gap_and_rate(at, cell)
         ahead = (rate + jnp.sqrt(rate**2 + 2.0 * bend[cell] * jnp.maximum(gap, 0.0))) / bend[cell]

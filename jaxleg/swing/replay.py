@@ -32,6 +32,7 @@ def course_of(machine: Machine, step: Step, profile: Profile, segments: int) -> 
     machine, step, profile = jax.lax.stop_gradient((machine, lifted(step), profile))
 
     def follow(state, _):
+        """One segment to its end or touch; an exit stays."""
         arc = segment(machine, step, state)
         touch = first_touch(arc, profile)
         hit = touch.hit & (state.mode < Mode.RETURN_UP)
