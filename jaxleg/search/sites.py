@@ -36,8 +36,8 @@ def make_sites(study: Study, foot_radius: float, kind: str, held_out: bool) -> S
     difficulties = jnp.asarray(_spread(table, count), float)
     first = HELD_OUT if held_out else 0
     sites = _build(table.generator, grid(study), first, terrain_settings(table), foot_radius, maps, key, difficulties)
-    first_of_each = _first_of_each(np.asarray(sites.terrain.elevation))
-    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[first_of_each]), sites)
+    kept = first_of_each(np.asarray(sites.terrain.elevation))
+    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[kept]), sites)
 
 
 def terrain_settings(kind: Kind) -> TerrainSettings:
@@ -45,7 +45,7 @@ def terrain_settings(kind: Kind) -> TerrainSettings:
     return TerrainSettings(**{field.name: getattr(kind, field.name) for field in dataclasses.fields(TerrainSettings)})
 
 
-def _first_of_each(rows: np.ndarray) -> np.ndarray:
+def first_of_each(rows: np.ndarray) -> np.ndarray:
     """Indices of the rows that no earlier row equals."""
     found = {row.tobytes(): i for i, row in reversed(list(enumerate(rows)))}
     return np.array(sorted(found.values()), int)
