@@ -18,15 +18,15 @@ import tyro
 
 from experiments.common import CONFIG, setup, training, write
 from experiments.slow_walk import SPEED, STAND_SHARE, search_gait, slow
-from jaxleg.energy import CONVENTIONS, electrical, motor_power
-from jaxleg.planning.reference import instant
+from jaxleg.batch import over_lanes
+from jaxleg.leg.energy import CONVENTIONS, electrical, motor_power
 from jaxleg.robot import RobotFile, build_robot
-from jaxleg.search.batches import over_lanes
 from jaxleg.search.config import PARAMETERS, Study, baseline, robot_path
 from jaxleg.search.contest import keeps_limits
 from jaxleg.search.lanes import Lab, to_params
 from jaxleg.settings import load
 from jaxleg.viz.baselines import draw_baselines
+from jaxleg.walk.reference import instant
 
 NET = CONVENTIONS.index("net")
 HEIGHTS, OFFSETS = np.linspace(0.44, 0.50, 7), np.linspace(-0.10, 0.10, 9)  # H_COG, L_F2H centre [m]

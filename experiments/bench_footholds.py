@@ -20,10 +20,9 @@ import tyro
 from experiments.common import timed, write
 from experiments.plain_footholds import plain_features, plain_plan, plain_valid
 from jaxleg.cli import configure_jax
-from jaxleg.plan import FootholdStatus
-from jaxleg.planning.footholds import Reachable
-from jaxleg.planning.planner import Choice, Site, plan_footholds
-from jaxleg.planning.rectangle import SearchRectangle, extent_of
+from jaxleg.foothold.cascade import FootholdStatus, Reachable
+from jaxleg.foothold.rectangle import SearchRectangle, extent_of
+from jaxleg.planner import Choice, Site, plan_footholds
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain_batch, valid_cells
 from jaxleg.terrain.features import FeatureSettings, traversability
 

@@ -25,7 +25,7 @@ import tyro
 from experiments.common import timed, write
 from jaxleg.cli import configure_jax
 from jaxleg.conventions import HEADINGS
-from jaxleg.planning.path import BodyPath, PathStatus, PathWeights, find_path
+from jaxleg.route.path import BodyPath, PathStatus, PathWeights, find_path
 from jaxleg.terrain import Grid, rough
 
 GRID = Grid(100, 100, 0.05, (0.0, 0.0))

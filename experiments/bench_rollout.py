@@ -25,11 +25,9 @@ import tyro
 from mujoco import rollout
 
 from experiments.common import setup, timed, write
-from jaxleg.energy import Power, electrical, motor_power
-from jaxleg.plan import Reference
-from jaxleg.planning.planner import Site
-from jaxleg.planning.reference import samples_per_cycle
-from jaxleg.search.batches import over_lanes
+from jaxleg.batch import over_lanes
+from jaxleg.leg.energy import Power, electrical, motor_power
+from jaxleg.planner import Site
 from jaxleg.search.config import Study, baseline
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import CYCLES, Lab, Setting
@@ -39,6 +37,8 @@ from jaxleg.sim.engine import mjx
 from jaxleg.sim.model import STEP, build_model
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain.generators import Grid, TerrainSettings, terrain_batch
+from jaxleg.walk.data import Reference
+from jaxleg.walk.reference import samples_per_cycle
 
 GRID = Grid(64, 64, 0.03, (-0.9, -0.96))
 CANDIDATES = (((30, 25), 2), ((40, 34), 2), ((48, 40), 2), ((60, 50), 2), ((60, 50), 3))  # (samples a phase, steps a sample)

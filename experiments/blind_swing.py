@@ -18,8 +18,8 @@ import tyro
 
 from experiments.common import timed, write
 from experiments.plain_swing import plain_swing
+from jaxleg.batch import shared_out
 from jaxleg.cli import configure_jax
-from jaxleg.search.batches import shared_out
 from jaxleg.swing.blind import Swing, blind_swings
 from jaxleg.swing.machine import Machine, Mode, Step, extended, printed
 from jaxleg.swing.profile import Profile, height, natural_spline, slope

@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import tyro
 
 from experiments.common import setup, training, write
-from jaxleg.energy import CONVENTIONS
-from jaxleg.planning.planner import no_choice
+from jaxleg.leg.energy import CONVENTIONS
+from jaxleg.planner import no_choice
 from jaxleg.robot import Robot, RobotFile, build_robot
 from jaxleg.search.config import baseline
 from jaxleg.settings import load

@@ -17,16 +17,16 @@ import numpy as np
 import tyro
 
 from experiments.common import setup, training, write
-from jaxleg.energy import CONVENTIONS
-from jaxleg.planning.footholds import Reachable, soft_offset
-from jaxleg.planning.planner import Choice, Site, choose_footholds
-from jaxleg.planning.reference import reference
+from jaxleg.batch import over_lanes
+from jaxleg.foothold.cascade import Reachable, soft_offset
+from jaxleg.leg.energy import CONVENTIONS
+from jaxleg.planner import Choice, Site, choose_footholds
 from jaxleg.search import agreement
-from jaxleg.search.batches import over_lanes
 from jaxleg.search.config import Study, bounds
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, per_metre, to_params
 from jaxleg.sim.rollout import simulate
+from jaxleg.walk.reference import reference
 
 STEP = 1e-5  # of a parameter's range
 TARGETS = {"flat": 1e-3, "rough": 1e-2}  # of the error's 95th percentile, by kind of terrain

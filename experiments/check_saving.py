@@ -16,7 +16,7 @@ from pathlib import Path
 import tyro
 
 from experiments.common import CONFIG, write
-from jaxleg.energy import CONVENTIONS
+from jaxleg.leg.energy import CONVENTIONS
 
 # terrain, searched contestant, baseline (its key in result.json), saving to reach
 ROWS = (

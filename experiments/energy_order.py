@@ -20,7 +20,7 @@ import tyro
 from experiments.blind_swing import interval
 from experiments.common import setup, write
 from experiments.walk_maps import GAIT, GRID, KINDS, World, succeeded, world
-from jaxleg.energy import CONVENTIONS, Convention, Power, electrical
+from jaxleg.leg.energy import CONVENTIONS, Convention, Power, electrical
 from jaxleg.search.config import Study
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import Outcome, navigate, navigator_of, simulate_all, survey_all

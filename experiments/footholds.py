@@ -19,15 +19,15 @@ import tyro
 
 from experiments.common import setup, write
 from jaxleg.conventions import LEGS, InputError
-from jaxleg.plan import FootholdStatus, GaitParams
-from jaxleg.planning.footholds import Reachable
-from jaxleg.planning.planner import Site, plan_footholds, reachable_heights
-from jaxleg.planning.rectangle import SearchRectangle, extent_of
+from jaxleg.foothold.cascade import FootholdStatus, Reachable
+from jaxleg.foothold.rectangle import SearchRectangle, extent_of
+from jaxleg.gait.nominal import nominal_stances
+from jaxleg.gait.params import GaitParams
+from jaxleg.planner import Site, plan_footholds, reachable_heights
 from jaxleg.search.checks import check_map
 from jaxleg.search.config import Rectangle, Study, baseline
 from jaxleg.search.lanes import Lab, to_params
 from jaxleg.search.sites import foothold_cells
-from jaxleg.stance import nominal_stances
 from jaxleg.terrain import Grid, HeightMap, flat, stairs
 from jaxleg.terrain.files import load_map
 from jaxleg.viz.footholds import Planned, draw_cascade, draw_footholds

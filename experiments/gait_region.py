@@ -14,8 +14,8 @@ import tyro
 
 from experiments.common import write
 from jaxleg.cli import configure_jax
+from jaxleg.gait.limits import Binding, gait_constraints, gait_region, search_limit, step_limit
 from jaxleg.robot import Robot, load_robot
-from jaxleg.stance import Binding, gait_constraints, gait_region, search_limit, step_limit
 from jaxleg.viz.stance import gait_regions
 
 ROBOT = Path(__file__).parent.parent / "configs" / "robots" / "pegasus.toml"

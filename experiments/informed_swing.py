@@ -18,8 +18,8 @@ from scipy.interpolate import CubicSpline
 
 from experiments.blind_swing import READINGS, STEP, means, papers, terrains
 from experiments.common import timed, write
+from jaxleg.batch import shared_out
 from jaxleg.cli import configure_jax
-from jaxleg.search.batches import shared_out
 from jaxleg.swing.informed import Informed, informed_swings
 from jaxleg.swing.localmap import points, sampled
 from jaxleg.swing.machine import Machine, Mode, Step, extended, printed

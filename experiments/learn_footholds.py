@@ -23,14 +23,10 @@ import numpy as np
 import tyro
 
 from experiments.common import setup, write
-from jaxleg.energy import electrical
-from jaxleg.gait import PHASES
-from jaxleg.plan import Phases, Walk
-from jaxleg.planning.crawl import on_ground
-from jaxleg.planning.learned import differences, learn, leg_weights, listwise_loss, pairwise_accuracy
-from jaxleg.planning.reference import reference
-from jaxleg.planning.standing import stand_first
-from jaxleg.search.batches import over_lanes
+from jaxleg.batch import over_lanes
+from jaxleg.foothold.learned import differences, learn, leg_weights, listwise_loss, pairwise_accuracy
+from jaxleg.gait.order import PHASES
+from jaxleg.leg.energy import electrical
 from jaxleg.search.config import baseline
 from jaxleg.search.lanes import Lab, to_params
 from jaxleg.settings import dump
@@ -40,6 +36,10 @@ from jaxleg.terrain.cost_map import CostSettings, cost_weights
 from jaxleg.terrain.foothold_cost import FEATURES, foothold_scores
 from jaxleg.terrain.foothold_features import foothold_features
 from jaxleg.viz.style import GREY, LEG_COLOUR, blank, label, save
+from jaxleg.walk.crawl import on_ground
+from jaxleg.walk.data import Phases, Walk
+from jaxleg.walk.reference import reference
+from jaxleg.walk.standing import stand_first
 
 GRID = Grid(41, 31, 0.04, (-0.8, -0.6))
 STANCE = np.array([(0.28, 0.20), (0.28, -0.20), (-0.28, 0.20), (-0.28, -0.20)])  # on cells

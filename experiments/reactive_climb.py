@@ -21,15 +21,15 @@ import tyro
 from experiments.blind_swing import interval
 from experiments.common import setup, write
 from experiments.stairs import unseen
-from jaxleg.gait import SHIFT, SWING_LEG
-from jaxleg.planning.planner import Site, choose_footholds
-from jaxleg.search.batches import over_lanes
+from jaxleg.batch import over_lanes
+from jaxleg.gait.nominal import nominal_stances
+from jaxleg.gait.order import SHIFT, SWING_LEG
+from jaxleg.planner import Site, choose_footholds
 from jaxleg.search.config import Study, baseline
 from jaxleg.search.lanes import CYCLES, Lab, to_params
 from jaxleg.search.sites import foothold_cells
 from jaxleg.sim.reactive import Tick, walk_reactively
 from jaxleg.sim.reflex import Feeling, feeling
-from jaxleg.stance import nominal_stances
 from jaxleg.swing.machine import Mode, extended
 from jaxleg.terrain.heightmap import HeightMap
 

@@ -16,7 +16,7 @@ from typing import Any
 import jinja2
 import tyro
 
-from jaxleg.energy import CONVENTIONS
+from jaxleg.leg.energy import CONVENTIONS
 
 ROOT = Path(__file__).parent.parent
 README, TEMPLATE, RESULTS = ROOT / "README.md", ROOT / "docs" / "README.in.md", ROOT / "docs" / "results"

@@ -9,18 +9,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.common import training
-from jaxleg.energy import CONVENTIONS, Convention, electrical, motor_power
-from jaxleg.planning.planner import choose_footholds
-from jaxleg.planning.reference import reference
-from jaxleg.planning.standing import stand_first
+from jaxleg.batch import over_lanes
+from jaxleg.leg.energy import CONVENTIONS, Convention, electrical, motor_power
+from jaxleg.planner import choose_footholds
 from jaxleg.robot import Robot
 from jaxleg.search import descent
-from jaxleg.search.batches import over_lanes
 from jaxleg.search.config import Study, baseline, bounds
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, to_params
 from jaxleg.search.stages import judge, spread
 from jaxleg.sim.rollout import Meters, Record, record
+from jaxleg.walk.reference import reference
+from jaxleg.walk.standing import stand_first
 
 SPEED = 0.012  # [m/s]: what COT = P / (m g v) of the paper's 7.68 makes of its power (A14)
 STEPS = 16  # a sample: the gait cycle takes 16.7 s, a step of the simulation at most 4 ms

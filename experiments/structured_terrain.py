@@ -20,17 +20,16 @@ from jaxtyping import Array, Bool, Int
 
 from experiments.common import setup, write
 from experiments.walk_maps import GAIT
-from jaxleg.planning.collision import Obstacles
-from jaxleg.planning.gaits import GaitPlan, Scene, State, first_state, gait_nodes
-from jaxleg.planning.navigation import Navigator
-from jaxleg.planning.path import BodyPath, PathStatus
-from jaxleg.planning.stations import stations
-from jaxleg.planning.tree import SearchStatus, advance, begin
-from jaxleg.queue import over_queue
-from jaxleg.search.batches import layout, over_lanes, shared_out
+from jaxleg.batch import layout, over_lanes, over_queue, shared_out
+from jaxleg.posture.collision import Obstacles
+from jaxleg.route.path import BodyPath, PathStatus
+from jaxleg.route.stations import stations
 from jaxleg.search.navigate import MOST, navigator_of
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
 from jaxleg.viz.navigation import Look, draw_dead_end
+from jaxleg.walk.gaits import GaitPlan, Scene, State, first_state, gait_nodes
+from jaxleg.walk.navigation import Navigator
+from jaxleg.walk.tree import SearchStatus, advance, begin
 
 GRID = Grid(70, 36, 0.04, (0.02, 0.02))
 START, CELLS = (16, 18), 36  # of a straight path along x: 1.4 m

@@ -11,14 +11,14 @@ import numpy as np
 
 from experiments.common import setup, training, write
 from experiments.slow_walk import SPEED, STAND, STAND_SHARE, Trace, mean_over_time, power_over_time, search_gait, slow, walks
-from jaxleg.energy import CONVENTIONS, cost_of_transport
-from jaxleg.plan import PlanChecks
+from jaxleg.leg.energy import CONVENTIONS, cost_of_transport
 from jaxleg.search.config import PARAMETERS, Study, baseline
 from jaxleg.search.contest import keeps_limits
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab
 from jaxleg.sim.rollout import Record
 from jaxleg.viz.power import draw_power
+from jaxleg.walk.data import PlanChecks
 
 PAPER = {
     "flat": {"power_before_w": 35.4, "power_after_w": 31.8, "saving": 0.102, "saving_of_sums": 0.120, "cot": 7.68},

@@ -20,11 +20,11 @@ import tyro
 
 from experiments.common import write
 from jaxleg.cli import configure_jax
+from jaxleg.gait.limits import leg_length
+from jaxleg.leg.statics import knee_zero_line, leg_torque, torque_map
+from jaxleg.leg.workspace import Cost, Workspace, allowed_means, best_window, centres, cost, keeps_bend, mean_cost
 from jaxleg.robot import Robot, load_robot
-from jaxleg.stance import leg_length
-from jaxleg.statics import knee_zero_line, leg_torque, torque_map
 from jaxleg.viz.torque_map import best_workspaces, half_planes
-from jaxleg.workspace import Cost, Workspace, allowed_means, best_window, centres, cost, keeps_bend, mean_cost
 
 ROBOT = Path(__file__).parent.parent / "configs" / "robots" / "pegasus.toml"
 FORCE = 86.2  # [N], a leg's share at rest, printed

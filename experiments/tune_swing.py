@@ -22,8 +22,8 @@ from scipy.stats import qmc
 from experiments.blind_swing import STEP, interval, terrains
 from experiments.common import write
 from experiments.informed_swing import MAP, lowered
+from jaxleg.batch import shared_out
 from jaxleg.cli import configure_jax
-from jaxleg.search.batches import shared_out
 from jaxleg.swing.blind import Swing, blind_swings
 from jaxleg.swing.informed import informed_swings
 from jaxleg.swing.localmap import sampled

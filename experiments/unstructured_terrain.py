@@ -20,8 +20,7 @@ import tyro
 from experiments.common import setup, write
 from experiments.walk_maps import GAIT, GRID, world
 from jaxleg.conventions import HEADINGS
-from jaxleg.planning.navigation import NavigationStatus, Navigator, Planned, Survey, Walked
-from jaxleg.planning.path import BodyPath
+from jaxleg.route.path import BodyPath
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import navigate, navigator_of, survey_all
 from jaxleg.sim.follow import film
@@ -31,6 +30,7 @@ from jaxleg.terrain.body_cost import body_features
 from jaxleg.viz.animation import animate
 from jaxleg.viz.cost_maps import cost_maps
 from jaxleg.viz.navigation import draw_walk, trail
+from jaxleg.walk.navigation import NavigationStatus, Navigator, Planned, Survey, Walked
 
 MAP, EASY = 119, 39  # of the 200 of `walk_maps`: difficulty 0.6; with `quick` an easier one
 WEIGHTS = (0.1, 0.9)  # mu_2 of the two paths

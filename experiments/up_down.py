@@ -15,13 +15,13 @@ import tyro
 from experiments.common import setup, write
 from experiments.slow_walk import currents
 from jaxleg.conventions import JOINTS, LEGS
-from jaxleg.planning.reference import reference
-from jaxleg.planning.standing import up_down
 from jaxleg.search.config import baseline
 from jaxleg.search.lanes import to_params
 from jaxleg.sim.rollout import record
 from jaxleg.terrain import Grid, flat
 from jaxleg.viz.power import draw_up_down
+from jaxleg.walk.reference import reference
+from jaxleg.walk.standing import up_down
 
 LOW, HIGH, SECONDS = 0.13, 0.585, 4.0  # hip height folded and (knee bend 25 deg) nearly straight [m], each way [s]
 SAMPLES, STEPS = (100, 100), 12  # 3.3 ms a step

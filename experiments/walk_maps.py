@@ -16,15 +16,15 @@ import numpy as np
 import tyro
 
 from experiments.common import setup, write
-from jaxleg.planning.navigation import NavigationStatus, Navigator, Survey, Walked
-from jaxleg.planning.states import Cause
-from jaxleg.search.batches import layout, over_lanes
+from jaxleg.batch import layout, over_lanes
 from jaxleg.search.config import Gait
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import MOST, Outcome, navigate, navigator_of, on_valid_cells, simulate_all, survey_all
 from jaxleg.sim.referee_follow import follow_all
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
 from jaxleg.viz.navigation import Trials, draw_success
+from jaxleg.walk.candidates import Cause
+from jaxleg.walk.navigation import NavigationStatus, Navigator, Survey, Walked
 
 GRID = Grid(200, 100, 0.04, (0.02, 0.02))
 KINDS = ("cuboids", "fractal")

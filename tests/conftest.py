@@ -10,7 +10,7 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")  # our own code says what it broadcasts and casts ...
 jax.config.update("jax_numpy_dtype_promotion", "strict")  # ... others' runs in `numerics.foreign`
 if "JAX_NUM_CPU_DEVICES" not in os.environ:
-    jax.config.update("jax_num_cpu_devices", 2)  # as the command line does on two cores; see search/batches.py
+    jax.config.update("jax_num_cpu_devices", 2)  # as the command line does on two cores; see batch.py
 _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jaxleg"
 jax.config.update("jax_compilation_cache_dir", os.environ.get("JAXLEG_CACHE") or str(_CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

@@ -8,14 +8,14 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from jaxleg.gait import SHIFT
-from jaxleg.plan import Phases, Reference
-from jaxleg.planning.crawl import on_ground
-from jaxleg.planning.reference import phase_instants, to_reference
+from jaxleg.control.tracking import Tracking
+from jaxleg.gait.order import SHIFT
 from jaxleg.robot import Robot
 from jaxleg.robot.mjcf import robot_mjcf
-from jaxleg.sim.tracking import Tracking
 from jaxleg.terrain import HeightMap
+from jaxleg.walk.crawl import on_ground
+from jaxleg.walk.data import Phases, Reference
+from jaxleg.walk.reference import phase_instants, to_reference
 
 FEET = np.array([[0.32, 0.18], [0.30, -0.18], [-0.30, 0.18], [-0.28, -0.18]])
 HEIGHT = 0.46  # of the trunk over the feet [m]

@@ -6,12 +6,13 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from jaxleg.plan import Reference
-from jaxleg.planning.posture import joint_angles, trunk_quaternion
+from jaxleg.posture.body import joint_angles
 from jaxleg.robot import Robot
-from jaxleg.sim.plan_file import save_plan
+from jaxleg.rotations import trunk_quaternion
 from jaxleg.terrain.files import MapFile
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.walk.data import Reference
+from jaxleg.walk.plan_file import save_plan
 
 FEET = np.array([[1.34, 1.2, 0.0], [1.34, 0.8, 0.0], [0.74, 1.2, 0.0], [0.74, 0.8, 0.0]])
 TRUNK = np.array([1.04, 1.0, 0.46])

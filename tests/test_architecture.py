@@ -7,14 +7,16 @@ import pytest
 
 ROOT = Path(__file__).parent.parent / "jaxleg"
 ORDER = (
-    ("about", "conventions", "files", "npz", "numerics", "queue", "settings"),
-    ("kinematics",),
+    ("about", "batch", "conventions", "files", "npz", "numerics", "rotations", "settings"),
     ("robot",),
-    ("dynamics", "energy", "plan"),
-    ("statics", "gait", "stance", "workspace"),
+    ("leg",),
     ("terrain",),
+    ("gait", "route"),
     ("swing",),
-    ("planning",),
+    ("foothold", "posture"),
+    ("walk",),
+    ("planner",),
+    ("control",),
     ("sim",),
     ("search",),
     ("viz",),

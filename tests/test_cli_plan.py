@@ -8,11 +8,11 @@ import pytest
 
 from jaxleg.cli.plan import find_terrain, notes, read
 from jaxleg.cli.planning import CAUSES, reasons
-from jaxleg.planning.navigation import NavigationStatus
-from jaxleg.planning.states import Cause
 from jaxleg.search.config import Gait, Kind, Study
 from jaxleg.terrain import KINDS, Grid
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.walk.candidates import Cause
+from jaxleg.walk.navigation import NavigationStatus
 from tests.test_cli import CONFIGS, KIND, refused
 
 PLAN = ("--start", "0.5", "0.5", "--goal", "2.5", "1.0")

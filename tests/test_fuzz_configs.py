@@ -11,9 +11,6 @@ import tomli_w
 
 from jaxleg.cli.study import leg_numbers
 from jaxleg.conventions import InputError
-from jaxleg.plan import PlanStatus
-from jaxleg.planning.crawl import crawl
-from jaxleg.planning.proxy import evaluate
 from jaxleg.search.checks import check_study
 from jaxleg.search.config import Kind, Study, baseline
 from jaxleg.search.lanes import to_params
@@ -22,6 +19,9 @@ from jaxleg.search.run import make_lab
 from jaxleg.search.sites import grid, terrain_settings
 from jaxleg.settings import load, to_table
 from jaxleg.terrain import Grid, flat
+from jaxleg.walk.crawl import crawl
+from jaxleg.walk.data import PlanStatus
+from jaxleg.walk.proxy import evaluate
 from tests.test_fuzz_robots import CHANGES
 
 pytestmark = pytest.mark.slow

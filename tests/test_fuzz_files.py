@@ -16,11 +16,11 @@ from jaxleg.robot.mjcf import robot_mjcf
 from jaxleg.sim import engine
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.follow import follow
-from jaxleg.sim.plan_check import LAYOUTS
-from jaxleg.sim.plan_file import load_plan
 from jaxleg.terrain.features import FeatureSettings, traversability
 from jaxleg.terrain.files import load_map
 from jaxleg.terrain.heightmap import HeightMap, height
+from jaxleg.walk.plan_check import LAYOUTS
+from jaxleg.walk.plan_file import load_plan
 from tests import spoiled
 from tests.plans import EACH, SHIFT, arrays_of, save_standing
 

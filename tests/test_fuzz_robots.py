@@ -13,13 +13,13 @@ import pytest
 import tomli_w
 
 from jaxleg.conventions import InputError
-from jaxleg.plan import PlanStatus
-from jaxleg.planning.crawl import crawl
-from jaxleg.planning.proxy import evaluate
+from jaxleg.gait.limits import leg_length
 from jaxleg.robot import load_robot
-from jaxleg.stance import leg_length
 from jaxleg.terrain import Grid, flat
-from tests.planning.conftest import gait, settings
+from jaxleg.walk.crawl import crawl
+from jaxleg.walk.data import PlanStatus
+from jaxleg.walk.proxy import evaluate
+from tests.crawls import gait, settings
 
 pytestmark = pytest.mark.slow
 

@@ -9,10 +9,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxleg.conventions import GRAVITY, LEFT_LEGS, LEG_SIDE, RIGHT_LEGS, InputError
-from jaxleg.planning.reference import Pose, instant_of
+from jaxleg.gait.limits import leg_length
 from jaxleg.robot import Robot, RobotFile, build_robot, load_robot
 from jaxleg.settings import load
-from jaxleg.stance import leg_length
+from jaxleg.walk.reference import Pose, instant_of
 
 PEGASUS = Path(__file__).parents[1] / "configs/robots/pegasus.toml"
 MIRROR = np.array([1.0, -1.0, 1.0])

@@ -9,7 +9,7 @@ import pytest
 import tomli_w
 
 from jaxleg.conventions import InputError
-from jaxleg.kinematics import foot_jacobian, leg_frames
+from jaxleg.leg.kinematics import foot_jacobian, leg_frames
 from jaxleg.robot import RobotFile, check, load_robot
 from jaxleg.settings import load
 

@@ -8,13 +8,13 @@ import numpy as np
 
 from jaxleg.cli.start import EXIT_INFEASIBLE
 from jaxleg.conventions import InputError
-from jaxleg.planning.footholds import nearest_cell
-from jaxleg.planning.level import level_stance
-from jaxleg.planning.navigation import NavigationStatus
-from jaxleg.planning.states import Cause
 from jaxleg.search.navigate import navigate, navigator_of, survey_all
 from jaxleg.settings import to_table
-from jaxleg.sim.plan_file import save_plan
+from jaxleg.terrain.heightmap import nearest_cell
+from jaxleg.walk.candidates import Cause
+from jaxleg.walk.level import level_stance
+from jaxleg.walk.navigation import NavigationStatus
+from jaxleg.walk.plan_file import save_plan
 
 NAMES = {  # statuses of a planned walk, in words
     "NO_PATH": "no path leads from start to goal over ground that the body and the feet can cross",

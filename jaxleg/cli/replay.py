@@ -32,8 +32,8 @@ def replay(arguments: list[str]) -> int:
     configure_jax()
     from rich.console import Console
 
-    from jaxleg.sim.plan_file import load_plan
     from jaxleg.sim.replay import replay_mjx, replay_mujoco
+    from jaxleg.walk.plan_file import load_plan
 
     file = load_plan(source)
     check_outputs(source, path, film)

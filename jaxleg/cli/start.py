@@ -44,7 +44,7 @@ def configure_jax() -> None:
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_default_matmul_precision", "highest")
     if "JAX_NUM_CPU_DEVICES" not in os.environ:
-        jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)  # see search/batches.py
+        jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)  # see batch.py
     try:
         jax.local_devices()
     except RuntimeError as error:

@@ -27,7 +27,7 @@ def read_study(source: str, overrides: list[str], prog: str) -> tuple[Any, Any, 
 
 def leg_numbers(robot: Any) -> Any:
     """Lengths of the robot's legs, for the check of the study."""
+    from jaxleg.gait.limits import leg_length
     from jaxleg.search.checks import Legs
-    from jaxleg.stance import leg_length
 
     return Legs(float(leg_length(robot)), float(-robot.link_offset[0, 1, 2]), float(robot.foot_radius))

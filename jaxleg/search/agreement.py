@@ -6,10 +6,10 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from jaxleg.energy import CONVENTIONS
-from jaxleg.plan import PlanChecks, PlanStatus
+from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import LEAST_LOAD, Lab
+from jaxleg.walk.data import PlanChecks, PlanStatus
 
 LEAST_MARGIN = 0.02  # static walking needs some stability margin [m]
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxleg.conventions import InputError
-from jaxleg.planning.rectangle import bounding_sides
+from jaxleg.foothold.rectangle import bounding_sides
 from jaxleg.search.config import Rectangle, Study
 from jaxleg.terrain.generators import KINDS
 

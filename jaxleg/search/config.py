@@ -7,11 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from jaxleg.energy import Convention
-from jaxleg.plan import GaitParams
-from jaxleg.planning.config import Navigation
-from jaxleg.planning.posture import CogRule
+from jaxleg.gait.params import GaitParams
+from jaxleg.leg.energy import Convention
+from jaxleg.posture.incentre import CogRule
 from jaxleg.settings import setting
+from jaxleg.walk.config import Navigation
 
 PARAMETERS = tuple(field.name for field in dataclasses.fields(GaitParams))
 Span = tuple[float, float]
@@ -19,7 +19,7 @@ Span = tuple[float, float]
 
 @dataclasses.dataclass(frozen=True)
 class Gait:
-    """Gait parameters, paper A's letters in `jaxleg.plan.GaitParams`."""
+    """Gait parameters, paper A's letters in `jaxleg.walk.data.GaitParams`."""
 
     hip_height: float = setting(0.48, above=0.0, max=2.0, unit="m", help="H_COG")
     foot_offset: float = setting(0.0, min=-1.0, max=1.0, unit="m", help="L_F2H centre, feet behind the hips: negative")

@@ -5,11 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxleg.energy import CONVENTIONS
-from jaxleg.plan import PlanChecks, PlanStatus
+from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search.config import PARAMETERS
 from jaxleg.search.lanes import CONSTRAINTS, Score
 from jaxleg.sim.rollout import Meters
+from jaxleg.walk.data import PlanChecks, PlanStatus
 
 BEND_SLACK = np.deg2rad(0.2)  # a knee bend or a joint's range counts as kept down to this much beyond the limit
 BINDING = (np.deg2rad(0.5), 0.005, 0.05, 0.05, np.deg2rad(0.5), 0.01, 0.01, 0.01, 0.005)

@@ -10,7 +10,7 @@ import optax
 from jaxtyping import Array, Float, Int
 
 from jaxleg.numerics import foreign
-from jaxleg.planning.planner import Site
+from jaxleg.planner import Site
 from jaxleg.search.lanes import Lab, Setting
 
 

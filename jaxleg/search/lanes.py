@@ -15,22 +15,23 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from jaxleg.energy import CONVENTIONS, Convention, Power, electrical
-from jaxleg.plan import GaitParams, PlanChecks, Reference
-from jaxleg.planning.crawl import CrawlSettings
-from jaxleg.planning.planner import Choice, Site, choose_footholds, crawl
-from jaxleg.planning.posture import CogPlan
-from jaxleg.planning.proxy import checks as plan_checks
-from jaxleg.planning.proxy import evaluate
-from jaxleg.planning.rectangle import Extent, SearchRectangle
-from jaxleg.planning.reference import instants, to_reference
+from jaxleg.batch import in_chunks, on_devices, over_lanes
+from jaxleg.foothold.rectangle import Extent, SearchRectangle
+from jaxleg.gait.limits import gait_constraints
+from jaxleg.gait.params import GaitParams
+from jaxleg.leg.energy import CONVENTIONS, Convention, Power, electrical
+from jaxleg.planner import Choice, Site, choose_footholds, crawl
+from jaxleg.posture.incentre import CogPlan
 from jaxleg.robot import Robot
-from jaxleg.search.batches import in_chunks, on_devices, over_lanes
 from jaxleg.search.config import Cog
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
 from jaxleg.sim.rollout import Meters, simulate
-from jaxleg.stance import gait_constraints
+from jaxleg.walk.crawl import CrawlSettings
+from jaxleg.walk.data import PlanChecks, Reference
+from jaxleg.walk.proxy import checks as plan_checks
+from jaxleg.walk.proxy import evaluate
+from jaxleg.walk.reference import instants, to_reference
 
 CYCLES = 2  # of a walk, both metered: it starts in its own periodic posture, so that there is nothing to warm up
 OF_PLAN = ("knee_bend", "margin", "torque", "load", "joint_range")

@@ -12,17 +12,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxleg.plan import GaitParams
-from jaxleg.planning.footholds import nearest_cell
-from jaxleg.planning.navigation import NavigationStatus, Navigator, Planned, Survey, Walked, make_navigator
-from jaxleg.planning.pose import STEP_LEGS
+from jaxleg.batch import layout, over_lanes, shared_out
+from jaxleg.gait.order import STEP_LEGS
+from jaxleg.gait.params import GaitParams
 from jaxleg.robot import Robot
-from jaxleg.search.batches import layout, over_lanes, shared_out
 from jaxleg.search.config import PARAMETERS, Gait, Study
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
 from jaxleg.sim.follow import Followed, follow, landing_errors
-from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.terrain.heightmap import HeightMap, nearest_cell
+from jaxleg.walk.navigation import NavigationStatus, Navigator, Planned, Survey, Walked, make_navigator
 
 MOST = 8  # maps that a device works on at once
 

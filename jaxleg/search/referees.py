@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxleg.energy import CONVENTIONS, Power, electrical
+from jaxleg.leg.energy import CONVENTIONS, Power, electrical
 from jaxleg.search.contest import Contest, keeps_limits
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab

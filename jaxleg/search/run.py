@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxleg.planning.rectangle import SearchRectangle, extent_of
+from jaxleg.foothold.rectangle import SearchRectangle, extent_of
 from jaxleg.robot import Robot
 from jaxleg.search.config import BASELINES, MOVED, Study, baseline
 from jaxleg.search.lanes import Lab

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
-from jaxleg.planning.planner import Site
+from jaxleg.planner import Site
 from jaxleg.search.config import Kind, Study, Terrains
 from jaxleg.terrain.features import FeatureSettings, traversability
 from jaxleg.terrain.generators import BATCH, Grid, TerrainSettings, terrain_batch

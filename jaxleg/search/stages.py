@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxleg.energy import CONVENTIONS
+from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search import descent
 from jaxleg.search.config import baseline, bounds
 from jaxleg.search.descent import Lanes, bounded

@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxleg.kinematics import rotation_from_quaternion
 from jaxleg.numerics import matvec
 from jaxleg.robot import Robot
+from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.step import State
 from jaxleg.terrain.heightmap import HeightMap
 

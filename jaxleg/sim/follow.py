@@ -18,17 +18,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxleg.kinematics import rotation_from_quaternion
+from jaxleg.control.tracking import Tracking
 from jaxleg.numerics import inverse3_safe, matvec
-from jaxleg.plan import Reference
 from jaxleg.robot import Robot
+from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
 from jaxleg.sim.fall import fallen, watch_trunk
 from jaxleg.sim.rollout import Meters, Tally, measure, no_tally, read
 from jaxleg.sim.step import State, advance, initial_state
-from jaxleg.sim.tracking import Tracking
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.walk.data import Reference
 
 FORGET = 1.0  # time constant with which a standing foot's place follows its slip [s]
 

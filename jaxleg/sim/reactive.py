@@ -9,23 +9,23 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxleg.gait import SHIFT, SWING_LEG
-from jaxleg.kinematics import rotation_from_quaternion
+from jaxleg.control.tracking import Tracking
+from jaxleg.gait.order import SHIFT, SWING_LEG
 from jaxleg.numerics import matvec, smoothstep
-from jaxleg.plan import Walk
-from jaxleg.planning.crawl import CrawlSettings
-from jaxleg.planning.reference import instant, instant_of, pose_at, to_reference
-from jaxleg.planning.trajectory import load_weight, trunk_path
 from jaxleg.robot import Robot
+from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
 from jaxleg.sim.fall import fallen, watch_trunk
 from jaxleg.sim.reflex import Feeling, Swinging, bounded, feel_on, foot_at, set_out
 from jaxleg.sim.sensing import felt_forces
 from jaxleg.sim.step import advance, initial_state
-from jaxleg.sim.tracking import Tracking
 from jaxleg.swing.machine import Machine, Mode
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.walk.crawl import CrawlSettings
+from jaxleg.walk.data import Walk
+from jaxleg.walk.reference import instant, instant_of, pose_at, to_reference
+from jaxleg.walk.trajectory import load_weight, trunk_path
 
 
 class Tick(NamedTuple):

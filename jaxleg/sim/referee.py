@@ -14,11 +14,11 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from jaxleg.gait import stability_margin
-from jaxleg.plan import Reference
+from jaxleg.gait.support import stability_margin
 from jaxleg.robot import Robot
 from jaxleg.sim.model import STEP, TRUNK_CONTACT, build_model, over_unseen, surface_of
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.walk.data import Reference
 
 SETTLE = 0.3  # the first pose is held this long before the walk [s]
 LOADED = 5.0  # a foot slips only while it carries more than this [N]

@@ -11,16 +11,17 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from jaxleg.dynamics import all_leg_frames
-from jaxleg.gait import stability_margin
-from jaxleg.kinematics import foot_jacobian, rotation_from_quaternion
+from jaxleg.gait.support import stability_margin
+from jaxleg.leg.dynamics import all_leg_frames
+from jaxleg.leg.kinematics import foot_jacobian
 from jaxleg.numerics import matmul
-from jaxleg.plan import Reference
 from jaxleg.robot import Robot
+from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.follow import Posture, between, command, held_feet
 from jaxleg.sim.model import STEP, TRUNK_CONTACT, build_model, over_unseen, surface_of
 from jaxleg.sim.referee import LOADED, SETTLE, no_log, start_state, unstable
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.walk.data import Reference
 
 STEPS = 2  # simulation steps a control period
 

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxleg.numerics import norm_safe
-from jaxleg.planning.bounds import swing_bounds
 from jaxleg.robot import Robot
 from jaxleg.swing.arc import period, point_at
+from jaxleg.swing.bounds import swing_bounds
 from jaxleg.swing.cycloid import swing_foot
 from jaxleg.swing.machine import Machine, Mode, Sensed, State, Step, begin, segment, transition
 

@@ -11,13 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxleg.energy import CONVENTIONS, Power, cost_of_transport, electrical
-from jaxleg.planning.pose import STEP_LEGS
+from jaxleg.gait.order import STEP_LEGS
+from jaxleg.leg.energy import CONVENTIONS, Power, cost_of_transport, electrical
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.follow import film, landing_errors
-from jaxleg.sim.plan_file import PlanFile
 from jaxleg.sim.referee_follow import follow_all
+from jaxleg.walk.plan_file import PlanFile
 
 Frames = Float[np.ndarray, "frame 19"]
 

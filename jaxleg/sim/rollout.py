@@ -12,18 +12,18 @@ import jax.numpy as jnp
 from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Bool, Float
 
-from jaxleg.energy import Power
-from jaxleg.gait import stability_margin
-from jaxleg.kinematics import rotation_from_quaternion
+from jaxleg.control.tracking import interpolate
+from jaxleg.gait.support import stability_margin
+from jaxleg.leg.energy import Power
 from jaxleg.numerics import add_exactly
-from jaxleg.plan import Reference
 from jaxleg.robot import Robot
+from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
 from jaxleg.sim.fall import fallen, watch_trunk
 from jaxleg.sim.step import Measured, State, initial_state, step
-from jaxleg.sim.tracking import interpolate
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.walk.data import Reference
 
 LOADED = 1.0  # a foot counts as loaded above this normal force [N]
 

@@ -11,15 +11,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxleg.control.tracking import Tracking
 from jaxleg.conventions import GRAVITY
-from jaxleg.energy import Power, motor_power
+from jaxleg.leg.energy import Power, motor_power
 from jaxleg.numerics import cross, dot, matmul, matvec, norm_safe, solve_block_arrow
-from jaxleg.plan import Reference
 from jaxleg.robot import Robot
 from jaxleg.sim.contact import Ground, foot_contact
 from jaxleg.sim.engine import Engine, Terms
-from jaxleg.sim.tracking import Tracking
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.walk.data import Reference
 
 
 class State(NamedTuple):

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxleg.queue import over_queue
+from jaxleg.batch import over_queue
 from jaxleg.swing.arc import first_touch, length_to, period, point_at, velocity_at
 from jaxleg.swing.contact import skin
 from jaxleg.swing.machine import Machine, Mode, Sensed, State, Step, begin, segment, transition

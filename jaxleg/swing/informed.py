@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
-from jaxleg.queue import over_queue
+from jaxleg.batch import over_queue
 from jaxleg.swing.arc import first_touch, length_to, period, point_at
 from jaxleg.swing.blind import LANES, SEGMENTS, Swing, lifted, no_swing
 from jaxleg.swing.contact import skin

@@ -13,6 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from jaxleg.numerics import of_one_rank
+
 
 @no_type_check  # `tree.map` rebuilds it through __init__ with whatever leaves: axes for `vmap`, None
 @jax.tree_util.register_dataclass
@@ -105,3 +107,16 @@ def nearest_height(terrain: HeightMap, xy: Float[Array, "2"]) -> Float[Array, ""
     cell = jnp.round((xy - terrain.origin) / terrain.resolution).astype(jnp.int32)
     cell = jnp.clip(cell, 0, size - 1)
     return terrain.elevation[cell[0], cell[1]]
+
+
+FAR = 2**20  # cells, beyond any map; sums of a few do not overflow
+
+
+def nearest_cell(terrain: HeightMap, xy: Float[Array, "*n 2"]) -> Int[Array, "*n 2"]:
+    """Index of the cell whose centre is nearest to xy in W [m]; beyond the map it goes on counting, up to `FAR`.
+
+    A place that is not a number is `FAR` off the map.
+    """
+    xy, origin = of_one_rank(xy, terrain.origin)
+    place = jnp.clip(jnp.round((xy - origin) / terrain.resolution), -FAR, FAR)
+    return jnp.where(jnp.isnan(place), -FAR, place).astype(jnp.int32)

@@ -16,8 +16,8 @@ from PIL import Image
 
 from jaxleg.conventions import LEFT_LEGS, LEGS, RIGHT_LEGS, InputError
 from jaxleg.files import check_writable, replace_whole
-from jaxleg.kinematics import rotation_from_quaternion
 from jaxleg.robot import Robot
+from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.viz.gait import GROUND_LEFT, GROUND_RIGHT, _chains, _heights
 from jaxleg.viz.navigation import PATH, border, colour_bar, draw_ground, end_style

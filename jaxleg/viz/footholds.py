@@ -17,10 +17,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
 
 from jaxleg.conventions import LEG_SIDE, LEGS, RING
-from jaxleg.plan import FootholdStatus
-from jaxleg.planning.footholds import nearest_cell
-from jaxleg.planning.planner import Choice, Site
-from jaxleg.planning.rectangle import SearchRectangle, best_first, candidates, cells_around, extent_of, feasible_score
+from jaxleg.foothold.cascade import FootholdStatus
+from jaxleg.foothold.rectangle import SearchRectangle, best_first, candidates, cells_around, extent_of, feasible_score
+from jaxleg.planner import Choice, Site
+from jaxleg.terrain.heightmap import nearest_cell
 from jaxleg.viz.style import (
     BLACK,
     BLUE,

@@ -12,14 +12,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
 from jaxleg.conventions import LEFT_LEGS, LEGS, RIGHT_LEGS, RING
-from jaxleg.dynamics import all_leg_frames, centre_of_mass
-from jaxleg.gait import PHASES
-from jaxleg.kinematics import rotation_from_quaternion
+from jaxleg.gait.order import PHASES
+from jaxleg.leg.dynamics import all_leg_frames, centre_of_mass
 from jaxleg.numerics import matvec
-from jaxleg.plan import Reference, Walk
 from jaxleg.robot import Robot
+from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.terrain.heightmap import HeightMap, height
 from jaxleg.viz.style import BLACK, LEG_COLOUR, PURPLE, WIDTH, blank, label, legend_below, save
+from jaxleg.walk.data import Reference, Walk
 
 MARGIN = np.array([0.10, 0.06, 0.05])  # drawn round the walk in x, y, z [m]
 FORWARD = "x, direction of travel [m]"

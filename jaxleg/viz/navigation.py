@@ -13,11 +13,11 @@ from matplotlib.patches import Patch, Polygon
 from matplotlib.ticker import PercentFormatter
 
 from jaxleg.conventions import LEGS, RING
-from jaxleg.planning.gaits import State
-from jaxleg.planning.navigation import Walked
-from jaxleg.planning.pose import STEP_LEGS
+from jaxleg.gait.order import STEP_LEGS
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.viz.style import BLACK, BLUE, GREEN, GREY, LEG_COLOUR, ORANGE, PURPLE, WIDTH, blank, label, legend_below, save
+from jaxleg.walk.gaits import State
+from jaxleg.walk.navigation import Walked
 
 EARTH = LinearSegmentedColormap.from_list("earth", ["#7d7a55", "#f7f5e6"]).with_extremes(bad=GREY)
 LEAST_RANGE = 0.05  # heights [m] that the colours span at least: level ground has no shades

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from jaxleg.energy import CONVENTIONS
+from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.viz.style import BLACK, CONTESTANT_COLOUR, PALE, blank, label, legend_below, save
 from jaxleg.viz.terminal import NAMES
 

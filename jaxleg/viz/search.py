@@ -9,17 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from jaxleg.viz.style import (
-    BLACK,
-    CONTESTANT_COLOUR,
-    CONTESTANT_MARKER,
-    GREY,
-    PALE,
-    blank,
-    label,
-    legend_below,
-    save,
-)
+from jaxleg.viz.style import BLACK, CONTESTANT_COLOUR, CONTESTANT_MARKER, GREY, PALE, blank, label, legend_below, save
 from jaxleg.viz.terminal import NAMES
 
 STAGES = ("best_i", "best_ii", "best")

@@ -9,8 +9,8 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from jaxleg.gait.limits import Binding, gait_region, search_limit, step_limit
 from jaxleg.robot import Robot
-from jaxleg.stance import Binding, gait_region, search_limit, step_limit
 from jaxleg.viz.style import BLACK, BLUE, GREEN, ORANGE, PALE, blank, label, legend_below, save
 
 COLOUR = {Binding.SEARCH_BEHIND: ORANGE, Binding.STEP_REACH: BLUE, Binding.SEARCH_REACH: GREEN}

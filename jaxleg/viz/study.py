@@ -9,12 +9,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxleg.plan import GaitParams, Reference, Walk
-from jaxleg.planning.reference import reference
+from jaxleg.gait.params import GaitParams
 from jaxleg.search.config import PARAMETERS, Study
 from jaxleg.search.lanes import Lab
 from jaxleg.search.sites import make_sites
 from jaxleg.viz.figures import energy, gait, history, parameters, torque_maps
+from jaxleg.walk.data import Reference, Walk
+from jaxleg.walk.reference import reference
 
 
 def study_pictures(study: Study, lab: Lab, result: dict[str, Any], history_file: Path) -> dict[str, Callable[[Path], None]]:

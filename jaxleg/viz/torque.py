@@ -9,9 +9,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from jaxleg.conventions import GRAVITY
+from jaxleg.gait.limits import leg_length
+from jaxleg.leg.statics import knee_zero_line, torque_map
 from jaxleg.robot import Robot
-from jaxleg.stance import leg_length
-from jaxleg.statics import knee_zero_line, torque_map
 from jaxleg.viz.style import BLACK, GREEN, RED, blank, label, legend_below, save
 
 PAPER_X, PAPER_H = (-0.20, 0.0), (0.48, 0.52)  # torque-saving workspace of paper A [m] (A5)

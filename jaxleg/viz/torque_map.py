@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from jaxleg.kinematics import reach_for_bend
+from jaxleg.gait.limits import leg_length
+from jaxleg.leg.kinematics import reach_for_bend
+from jaxleg.leg.statics import torque_map
+from jaxleg.leg.workspace import Workspace, cost
 from jaxleg.robot import Robot
-from jaxleg.stance import leg_length
-from jaxleg.statics import torque_map
 from jaxleg.viz.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, WIDTH, blank, label, legend_below, save
 from jaxleg.viz.torque import STEP, least_lines
-from jaxleg.workspace import Workspace, cost
 
 CELLS = (401, 221)
 LIMIT, CLEAR = dict(color=RED, lw=1.4), dict(color=ORANGE, lw=1.4, ls=(0, (4, 1.5, 1, 1.5)))

@@ -4,12 +4,12 @@ import jax
 import numpy as np
 import pytest
 
-from jaxleg.plan import PlanChecks, PlanStatus
 from jaxleg.search import contest as contests
 from jaxleg.search.config import PARAMETERS
 from jaxleg.search.contest import ACTIVE, Contest, active_constraints, bootstrap, keeps_limits, nested, savings, summary
 from jaxleg.search.lanes import CONSTRAINTS, SCALES, Score, penalty
 from jaxleg.sim.rollout import Meters
+from jaxleg.walk.data import PlanChecks, PlanStatus
 
 NAMES = ("traditional", "paper", "best")
 

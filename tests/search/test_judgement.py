@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from jaxleg.energy import Power
-from jaxleg.plan import GaitParams, PlanChecks, PlanStatus
+from jaxleg.gait.params import GaitParams
+from jaxleg.leg.energy import Power
 from jaxleg.search.config import PARAMETERS
 from jaxleg.search.lanes import CONSTRAINTS, Lab, Setting, penalty, per_metre, to_params
+from jaxleg.walk.data import PlanChecks, PlanStatus
 
 DEGREE = np.pi / 180.0
 UNITS = dict(zip(CONSTRAINTS, (DEGREE, 0.01, 0.05, 0.1, DEGREE, 0.01, 0.01, 0.01, 0.01)))  # what costs a baseline's energy

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from jaxleg.cli import main
-from jaxleg.planning.navigation import NavigationStatus
 from jaxleg.search.config import Gait, Kind, Study
 from jaxleg.search.navigate import navigate, navigator_of, on_valid_cells, simulate_all, survey_all
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.terrain import Grid, TerrainSettings, terrain
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.walk.navigation import NavigationStatus
 
 GRID = Grid(75, 50, 0.04, (0.02, 0.02))
 START, GOAL = np.array([[0.8, 0.9]]), np.array([[2.2, 1.1]])

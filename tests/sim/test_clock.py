@@ -5,13 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.energy import Power
-from jaxleg.plan import Reference
+from jaxleg.leg.energy import Power
 from jaxleg.sim import follow as follow_module
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Terms
 from jaxleg.sim.step import Measured
 from jaxleg.terrain import Grid, flat
+from jaxleg.walk.data import Reference
 
 pytestmark = pytest.mark.slow
 

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from mujoco import rollout
 
-from jaxleg.planning.reference import reference
-from jaxleg.planning.standing import up_down
 from jaxleg.sim import fall
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
@@ -22,7 +20,9 @@ from jaxleg.sim.referee_follow import follow_all
 from jaxleg.sim.rollout import simulate
 from jaxleg.sim.step import State
 from jaxleg.terrain import Grid, flat
-from tests.planning.conftest import gait, settings
+from jaxleg.walk.reference import reference
+from jaxleg.walk.standing import up_down
+from tests.crawls import gait, settings
 
 LEVEL = flat(Grid(46, 26, 0.04, (-0.9, -0.5)))
 HEIGHT = 0.46  # of the trunk's middle; its lower face is 0.075 m lower, 0.80 x 0.24 m

@@ -5,11 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.dynamics import all_leg_frames
-from jaxleg.kinematics import foot_jacobian
-from jaxleg.plan import Reference
-from jaxleg.planning.posture import joint_angles, trunk_quaternion, trunk_rotation
+from jaxleg.leg.dynamics import all_leg_frames
+from jaxleg.leg.kinematics import foot_jacobian
+from jaxleg.posture.body import joint_angles
+from jaxleg.rotations import trunk_quaternion, trunk_rotation
 from jaxleg.sim.follow import Posture, between, corrected, held_feet, samples_at, to_rows
+from jaxleg.walk.data import Reference
 
 FEET = np.array([[0.36, 0.2, 0.03], [0.28, -0.2, 0.0], [-0.28, 0.2, 0.01], [-0.36, -0.2, -0.02]])
 PLANNED = np.array([0.02, 0.01, 0.46, 0.05, -0.04, 0.3])

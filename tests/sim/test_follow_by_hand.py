@@ -7,13 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.dynamics import all_leg_frames
-from jaxleg.kinematics import foot_jacobian, foot_position
-from jaxleg.plan import Reference
-from jaxleg.planning.posture import joint_angles, trunk_quaternion, trunk_rotation
+from jaxleg.leg.dynamics import all_leg_frames
+from jaxleg.leg.kinematics import foot_jacobian, foot_position
+from jaxleg.posture.body import joint_angles
+from jaxleg.rotations import trunk_quaternion, trunk_rotation
 from jaxleg.sim.follow import Posture, between, command, corrected, held_feet
 from jaxleg.sim.sensing import felt_forces
 from jaxleg.sim.step import State
+from jaxleg.walk.data import Reference
 
 SHAPES = ((), (4, 3), (4, 3), (4, 3), (3,), (4,), (6,), (4, 3), (4,))
 FEET = np.array([[0.36, 0.2, 0.03], [0.28, -0.2, 0.0], [-0.28, 0.2, 0.01], [-0.36, -0.2, -0.02]])

@@ -12,12 +12,12 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from jaxleg.energy import electrical
+from jaxleg.control.tracking import Tracking, interpolate
+from jaxleg.leg.energy import electrical
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.referee import replay
 from jaxleg.sim.rollout import simulate
 from jaxleg.sim.step import initial_state
-from jaxleg.sim.tracking import Tracking, interpolate
 from tests.motions import SWINGS, applied_torque, contact_force, shift_and_step, sloping
 
 GROUND, TERRAIN = Ground(), sloping(0.0, 0.0)

@@ -5,16 +5,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.planning.reference import reference
-from jaxleg.planning.standing import up_down
 from jaxleg.sim import replay as replay_module
 from jaxleg.sim.follow import Followed
-from jaxleg.sim.plan_file import PlanFile
 from jaxleg.sim.referee_follow import follow_all
 from jaxleg.sim.replay import replay_mjx, replay_mujoco
 from jaxleg.sim.rollout import no_tally, read
 from jaxleg.terrain import Grid, flat
-from tests.planning.conftest import gait, settings
+from jaxleg.walk.plan_file import PlanFile
+from jaxleg.walk.reference import reference
+from jaxleg.walk.standing import up_down
+from tests.crawls import gait, settings
 
 GROUND = flat(Grid(60, 40, 0.04, (-1.2, -0.8)))
 FIGURES = {"energy_per_metre", "power", "cost_of_transport", "distance", "time", "margin", "slip", "fell", "finished", "left"}

@@ -7,19 +7,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.gait import SHIFT, SWING_LEG
-from jaxleg.kinematics import Reach, leg_angles
-from jaxleg.plan import GaitParams
-from jaxleg.planning.bounds import swing_bounds
-from jaxleg.planning.crawl import CrawlSettings, crawl
-from jaxleg.planning.planner import no_choice
-from jaxleg.planning.posture import CogPlan
+from jaxleg.gait.order import SHIFT, SWING_LEG
+from jaxleg.gait.params import GaitParams
+from jaxleg.leg.kinematics import Reach, leg_angles
+from jaxleg.planner import no_choice
+from jaxleg.posture.incentre import CogPlan
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.reactive import walk_reactively
 from jaxleg.sim.reflex import feeling
+from jaxleg.swing.bounds import swing_bounds
 from jaxleg.swing.machine import Mode, extended
 from jaxleg.terrain.generators import Grid, flat
+from jaxleg.walk.crawl import CrawlSettings, crawl
 
 DT, TICKS = 0.0025, 2400
 ERROR = np.array([0.03, -0.03])

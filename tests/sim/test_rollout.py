@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from jaxleg.conventions import GRAVITY
-from jaxleg.energy import CONVENTIONS, electrical, motor_power
-from jaxleg.planning.reference import reference
-from jaxleg.planning.standing import stand_first, up_down
+from jaxleg.leg.energy import CONVENTIONS, electrical, motor_power
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.rollout import record, simulate
 from jaxleg.terrain import Grid, flat
-from tests.planning.conftest import gait, settings
+from jaxleg.walk.reference import reference
+from jaxleg.walk.standing import stand_first, up_down
+from tests.crawls import gait, settings
 
 GROUND = flat(Grid(60, 40, 0.03, (-0.9, -0.6)))
 SAMPLES, SECONDS = (12, 12), 1.2

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from jaxleg.conventions import GRAVITY
-from jaxleg.dynamics import all_leg_frames
-from jaxleg.energy import CONVENTIONS, electrical
-from jaxleg.kinematics import foot_jacobian, rotation_from_quaternion
+from jaxleg.leg.dynamics import all_leg_frames
+from jaxleg.leg.energy import CONVENTIONS, electrical
+from jaxleg.leg.kinematics import foot_jacobian
 from jaxleg.numerics import cross, matmul, matvec
+from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Terms
 from jaxleg.sim.rollout import simulate

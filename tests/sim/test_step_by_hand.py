@@ -9,11 +9,11 @@ import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
+from jaxleg.control.tracking import Tracking
 from jaxleg.conventions import GRAVITY
-from jaxleg.plan import Reference
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.step import State, initial_state
-from jaxleg.sim.tracking import Tracking
+from jaxleg.walk.data import Reference
 from tests.motions import applied_torque, contact_force, sloping
 
 STEPS, DT = 936, 0.0025  # as many as in test_meters: compiled once

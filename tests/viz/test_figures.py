@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from jaxleg.plan import GaitParams, Reference
-from jaxleg.planning.crawl import CrawlSettings, crawl
-from jaxleg.planning.posture import CogPlan, joint_angles
+from jaxleg.gait.params import GaitParams
+from jaxleg.posture.body import joint_angles
+from jaxleg.posture.incentre import CogPlan
 from jaxleg.robot import load_robot
 from jaxleg.terrain.generators import Grid, flat, stairs
 from jaxleg.viz import figures
+from jaxleg.walk.crawl import CrawlSettings, crawl
+from jaxleg.walk.data import Reference
 
 ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
 GRID = Grid(56, 26, 0.04, (-0.9, -0.5))

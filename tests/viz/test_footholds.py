@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 
 from experiments import footholds as experiment
 from jaxleg.conventions import InputError
-from jaxleg.plan import FootholdStatus
-from jaxleg.planning.footholds import Reachable
-from jaxleg.planning.planner import Choice, Site
-from jaxleg.planning.rectangle import SearchRectangle
+from jaxleg.foothold.cascade import FootholdStatus, Reachable
+from jaxleg.foothold.rectangle import SearchRectangle
+from jaxleg.planner import Choice, Site
 from jaxleg.search.config import Rectangle
 from jaxleg.terrain import Grid, HeightMap
 from jaxleg.terrain.files import MapFile, save_map

@@ -10,12 +10,12 @@ from PIL import Image
 from scipy.stats import binomtest
 
 from jaxleg.conventions import InputError
-from jaxleg.planning.gaits import State
-from jaxleg.planning.pose import STEP_LEGS
+from jaxleg.gait.order import STEP_LEGS
 from jaxleg.robot import load_robot
 from jaxleg.terrain import HeightMap
 from jaxleg.viz.animation import Stage, animate, film
 from jaxleg.viz.navigation import Look, Trail, Trials, draw_dead_end, draw_success, draw_walk, wilson
+from jaxleg.walk.gaits import State
 
 ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
 STANCE = np.array([[0.3, 0.2], [0.3, -0.2], [-0.3, 0.2], [-0.3, -0.2]])

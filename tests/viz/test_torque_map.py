@@ -7,8 +7,8 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from jaxleg.leg.workspace import Workspace
 from jaxleg.viz import torque_map
-from jaxleg.workspace import Workspace
 
 LOAD = 86.2
 PAPER = Workspace(-0.20, 0.0, 0.48, 0.52)

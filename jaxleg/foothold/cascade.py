@@ -1,0 +1,179 @@
+"""Foothold choice: the cascaded search of paper A, IV.B.3 (A11).
+
+The four feet of a cycle move from their nominal footholds by one common offset, so that they still form the nominal
+stance (Fig. 7). First within the search rectangle, then within the lengthened one; failing that each leg for itself takes
+the nearest valid cell, within the lengthened rectangle or else within one step length. A leg without any is flagged.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxleg.conventions import LEG_END
+from jaxleg.foothold.rectangle import (
+    Candidates,
+    Extent,
+    Order,
+    SearchRectangle,
+    best_first,
+    candidates,
+    cells_around,
+    feasible_score,
+    nearest_first,
+    to_heading,
+)
+from jaxleg.numerics import Code
+from jaxleg.terrain.heightmap import HeightMap, nearest_cell
+
+BLOCK = 64  # cells a leg that the last resort looks at together
+
+
+class FootholdStatus(Code):
+    """How a foothold was found by the cascade (paper A, IV.B.3)."""
+
+    NOMINAL = 0  # a common offset within the rectangle
+    WIDENED = 1  # a common offset within the lengthened rectangle
+    NEAREST = 2  # no common offset: this leg's valid cell nearest to nominal
+    NONE = 3  # no valid cell at all: placed nowhere, the lane is infeasible
+
+
+class Footholds(NamedTuple):
+    """Chosen offsets from the nominal footholds (x, y in W) [m] and a `FootholdStatus` a leg; NONE comes with offset 0."""
+
+    offset: Float[Array, "leg 2"]
+    status: Int[Array, "leg"]
+
+
+class Reachable(NamedTuple):
+    """What a leg can reach: a foothold's height over the mean ground under its end's two legs, and one step length [m]."""
+
+    lowest: Float[Array, ""]
+    highest: Float[Array, ""]
+    step: Float[Array, ""]
+
+
+class Found(NamedTuple):
+    """What the legs find on the map."""
+
+    footing: Float[Array, "nx ny"]  # height of the cells that are footholds, NaN elsewhere [m]
+    level: Float[Array, "leg"]  # mean height of the ground at each leg's end [m]
+    usable: Bool[Array, "leg i j"]  # candidates that are footholds of a height that the leg reaches
+
+
+def choose(
+    nominal: Float[Array, "leg 2"],
+    valid: Bool[Array, "nx ny"],
+    terrain: HeightMap,
+    rectangle: SearchRectangle,
+    reachable: Reachable,
+    extent: Extent,
+) -> Footholds:
+    """The cascade in its exact form, for one stance. Piecewise constant: it has no gradient, see `soft_offset`.
+
+    `nominal` (x, y) in W [m]; `valid` from `terrain.validity`. A candidate counts if its cell (the one nearest to it) is on
+    the map, seen, valid, and of a height that the leg reaches.
+    """
+    seen = candidates(rectangle, terrain.resolution, extent.cells)
+    footing, level, usable = _look(nominal, valid, terrain, seen, reachable, extent.cells)
+    common = jnp.all(usable, axis=0)
+    score = [feasible_score(seen.along, rectangle, longer) for longer in (0.0, rectangle.longer)]
+    short, nominal_found = _first(best_first(score[0], seen, seen.short), common)
+    long, widened_found = _first(best_first(score[1], seen, seen.long), common)
+    near, near_found = _first(nearest_first(seen, seen.long), usable)
+    offset = seen.offset.reshape(-1, 2)[jnp.where(nominal_found, short, jnp.where(widened_found, long, near))]
+    lost = ~(near_found | widened_found)
+    far, far_found = _resort(nominal, footing, terrain, rectangle, reachable, level, lost, extent.resort)
+    each = jnp.where(near_found | far_found, FootholdStatus.NEAREST, FootholdStatus.NONE)
+    status = jnp.where(nominal_found, FootholdStatus.NOMINAL, jnp.where(widened_found, FootholdStatus.WIDENED, each))
+    offset = jnp.where(lost[:, None], jnp.where(far_found[:, None], far, 0.0), offset)
+    return Footholds(offset, status.astype(jnp.int32))
+
+
+def soft_offset(
+    nominal: Float[Array, "leg 2"],
+    valid: Bool[Array, "nx ny"],
+    terrain: HeightMap,
+    rectangle: SearchRectangle,
+    reachable: Reachable,
+    extent: Extent,
+    temperature: Float[ArrayLike, ""],
+) -> Float[Array, "2"]:
+    """Soft form of the first run of the cascade: the softmax mean of the common offsets, for gradients.
+
+    Tends to `choose`'s offset as the temperature tends to 0 (where that run finds one and has no tie); differentiable in the
+    rectangle's parameters. With no common candidate it is zero.
+    """
+    seen = candidates(rectangle, terrain.resolution, extent.cells)
+    found = _look(nominal, valid, terrain, seen, reachable, extent.cells)
+    common = jnp.all(found.usable, axis=0) & seen.short
+    logits = jnp.where(common, feasible_score(seen.along, rectangle) / temperature, -jnp.inf)
+    weight = jax.nn.softmax(jnp.where(jnp.any(common), logits, 0.0), axis=(0, 1))
+    mean = jnp.sum(weight[..., None] * seen.offset, axis=(0, 1))
+    return jnp.where(jnp.any(common), mean, 0.0)
+
+
+def _look(nominal, valid, terrain, seen: Candidates, reachable: Reachable, cells: tuple[int, int]) -> Found:
+    """Cut each leg's candidates out of the map, which is bordered by cells that are no footholds."""
+    footing = jnp.where(valid & jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
+    border = [(2 * n + 1, 2 * n + 1) for n in cells]  # a nominal foothold beyond it sees nothing but border
+    bordered = jnp.pad(footing, border, constant_values=jnp.nan)
+    size = tuple(2 * n + 1 for n in cells)
+    half, last = jnp.array([cells], jnp.int32), jnp.array([[n - m for n, m in zip(bordered.shape, size)]], jnp.int32)
+    corner = jnp.clip(nearest_cell(terrain, nominal) + half + 1, 0, last)
+    height = jax.vmap(lambda c: jax.lax.dynamic_slice(bordered, c, size))(corner)
+    level = _levels(jnp.where(seen.long, height, jnp.nan))
+    return Found(footing, level, _within(height, level[:, None, None], reachable))
+
+
+def _levels(height: Float[Array, "leg i j"]) -> Float[Array, "leg"]:
+    """Mean height of the two legs' candidates at each leg's end of the trunk, which pitches with the ground; NaN for none."""
+    there = jnp.isfinite(height)
+    count = jnp.sum(there, axis=(1, 2), dtype=height.dtype)
+    mean = jnp.sum(jnp.where(there, height, 0.0), axis=(1, 2)) / jnp.maximum(count, 1.0)
+    end = jnp.array(LEG_END)
+    mates = (end[:, None] == end[None]) & (count > 0.0)[None]
+    return jnp.sum(jnp.where(mates, mean[None], 0.0), axis=1) / jnp.sum(mates, axis=1, dtype=mean.dtype)
+
+
+def _within(height, level, reachable: Reachable):
+    """Whether there is a foothold at a height that the leg reaches; a leg that has seen no level takes any."""
+    above = height - level
+    return jnp.isfinite(height) & ~(above < reachable.lowest) & ~(above > reachable.highest)
+
+
+def _first(order: Order, allowed: Bool[Array, "*leg i j"]):
+    """Flat index of the first allowed candidate of an order, and whether there is one."""
+    last = order.candidate.size - 1
+    rank = jnp.min(jnp.where(allowed, order.rank, last + 1), axis=(-2, -1))
+    return order.candidate[jnp.minimum(rank, last)], rank <= last
+
+
+def _resort(nominal, footing, terrain, rectangle, reachable: Reachable, level, lost, reach: int):
+    """Last resort: each lost leg's nearest foothold within one step length. Stops looking when no leg is lost any more."""
+    cells = cells_around((reach, reach)).reshape(1, -1, 2)
+    offset = jnp.asarray(cells, nominal.dtype) * terrain.resolution
+    along = to_heading(offset, rectangle.heading)
+    close = jnp.sum(offset**2, axis=-1) <= (reachable.step + 1e-3 * terrain.resolution) ** 2
+    order = nearest_first(Candidates(offset, along, close, close), jnp.ones_like(close)).candidate
+    order = jnp.pad(order, (0, -order.size % BLOCK), mode="edge")
+    start, size = nearest_cell(terrain, nominal), jnp.array([[footing.shape]], jnp.int32)
+
+    def look(state):
+        """The next block of cells: whether one of them will do for a foot that has none yet."""
+        at, found, pick = state
+        some = jax.lax.dynamic_slice(order, (at,), (BLOCK,))
+        cell = start[:, None] + jnp.asarray(cells, jnp.int32)[:, some]
+        there = jnp.all((cell >= 0) & (cell < size), axis=-1) & close[:, some]
+        cell = jnp.clip(cell, 0, size - 1)
+        good = there & _within(footing[cell[..., 0], cell[..., 1]], level[:, None], reachable)
+        new = jnp.where(found, pick, some[jnp.argmax(good, axis=-1)])
+        return at + BLOCK, found | jnp.any(good, axis=-1), new
+
+    def going(state):
+        return (state[0] < order.size) & jnp.any(~state[1])
+
+    _, found, pick = jax.lax.while_loop(going, look, (jnp.zeros((), jnp.int32), ~lost, jnp.zeros(lost.shape, jnp.int32)))
+    return offset[0, pick], found & lost

@@ -1,0 +1,80 @@
+"""The crawl: order of the legs, support and overlap triangles, in-centre, stability margin. Paper A, II.A and IV.C.
+
+Points are horizontal (x, y) in W [m].
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float
+
+from jaxleg.conventions import RING
+from jaxleg.numerics import norm_safe
+
+
+def crossing(a: Float[Array, "2"], b: Float[Array, "2"], c: Float[Array, "2"], d: Float[Array, "2"]) -> Float[Array, "2"]:
+    """Point where the line a-b meets the line c-d; not finite when they are parallel."""
+    along, other, between = b - a, d - c, c - a
+    share = _cross2(between, other) / _cross2(along, other)
+    return a + share * along
+
+
+def incentre(a: Float[Array, "2"], b: Float[Array, "2"], c: Float[Array, "2"]) -> Float[Array, "2"]:
+    """Centre of the circle inscribed in a triangle; the mean of the corners when all three coincide."""
+    sides = jnp.stack([norm_safe(b - c), norm_safe(c - a), norm_safe(a - b)]) + 1e-9
+    return (sides[0] * a + sides[1] * b + sides[2] * c) / jnp.sum(sides)
+
+
+def overlap_incentre(
+    front: Float[Array, "2"], hind: Float[Array, "2"], swing_front: Float[Array, "2"], swing_hind: Float[Array, "2"]
+) -> Float[Array, "2"]:
+    """In-centre of the overlap of a side's two support triangles (paper A, IV.C; reading A12).
+
+    `front`, `hind` stand; the other side's hind foot has swung to `swing_hind`, its front foot still is at `swing_front`.
+    The overlap is the triangle of the standing feet and the crossing of the diagonals.
+    """
+    return incentre(front, hind, crossing(front, swing_hind, hind, swing_front))
+
+
+def overlap_median(
+    front: Float[Array, "2"],
+    hind: Float[Array, "2"],
+    swing_front: Float[Array, "2"],
+    swing_hind: Float[Array, "2"],
+    ratio: Float[ArrayLike, ""],
+) -> Float[Array, "2"]:
+    """Point on the median of the same overlap (arguments as in `overlap_incentre`). Paper C, equation (21).
+
+    The median runs from the crossing of the diagonals (ratio 0) to the middle of the standing side (ratio 1): only that one
+    is the same for both sides (reading; the text leaves the vertex open).
+    """
+    vertex = crossing(front, swing_hind, hind, swing_front)
+    return vertex + ratio * (0.5 * (front + hind) - vertex)
+
+
+def stability_margin(com: Float[Array, "2"], feet: Float[Array, "leg 2"], loaded: Bool[Array, "leg"]) -> Float[Array, ""]:
+    """Distance [m] of the centre of mass inside the hull of the loaded feet, negative outside.
+
+    The loaded feet keep their order round the body, so each edge joins a loaded foot to the next loaded one. Two loaded
+    feet give minus the distance to their line; fewer give -1.
+    """
+    ring = np.array(RING)
+    first, second, between = _ring_pairs()
+    points, on = feet[ring], loaded[ring]
+    edge = points[second] - points[first]
+    inside = -_cross2(edge, com[None] - points[first]) / (norm_safe(edge) + 1e-9)  # the ring runs clockwise
+    skipped = jnp.any(on[None, :] & between, axis=1)
+    used = on[first] & on[second] & ~skipped
+    margin = jnp.min(jnp.where(used, inside, jnp.inf))
+    return jnp.where(jnp.sum(loaded) >= 2, margin, -1.0)
+
+
+def _cross2(a: Float[Array, "*n 2"], b: Float[Array, "*n 2"]) -> Float[Array, "*n"]:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _ring_pairs() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All ordered pairs of ring places, and which places lie strictly between them going round."""
+    pairs = [(i, j) for i in range(4) for j in range(4) if i != j]
+    between = [[(k - i) % 4 < (j - i) % 4 and k != i for k in range(4)] for i, j in pairs]
+    return np.array([i for i, _ in pairs]), np.array([j for _, j in pairs]), np.array(between)
