@@ -22,9 +22,10 @@ from experiments.plain_footholds import plain_features, plain_plan, plain_valid
 from jaxleg.cli import configure_jax
 from jaxleg.foothold.cascade import FootholdStatus, Reachable
 from jaxleg.foothold.rectangle import SearchRectangle, extent_of
-from jaxleg.planner import Choice, Site, plan_footholds
+from jaxleg.planner import Choice, plan_footholds
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain_batch, valid_cells
 from jaxleg.terrain.features import FeatureSettings, traversability
+from jaxleg.terrain.site import Site
 
 RESOLUTION, FOOT, STEP, LEAST = 0.02, 0.02, 0.2, 0.7
 GRID = Grid(80, 32, RESOLUTION, (-0.6, -0.31))

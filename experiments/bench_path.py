@@ -25,7 +25,8 @@ import tyro
 from experiments.common import timed, write
 from jaxleg.cli import configure_jax
 from jaxleg.conventions import HEADINGS
-from jaxleg.route.path import BodyPath, PathStatus, PathWeights, find_path
+from jaxleg.route.path import BodyPath, PathWeights, find_path
+from jaxleg.status import Status
 from jaxleg.terrain import Grid, rough
 
 GRID = Grid(100, 100, 0.05, (0.0, 0.0))
@@ -56,7 +57,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
         agreement[name] = compare(costs, found, same_problem=name == "scipy_dijkstra")
     report(times, agreement, missing)
     ratios = {name: seconds / times["ours_warm"] for name, seconds in times.items()}
-    status = {s.name.lower(): int((np.asarray(ours["answer"].status) == s).sum()) for s in PathStatus}
+    status = {s.name.lower(): int((np.asarray(ours["answer"].status) == s).sum()) for s in Status}
     rows = {"maps": len(cost), "seconds_a_map": times, "times_ours_warm": ratios, "status": status}
     write("bench_path", out, rows | {"agreement": agreement, "missing": missing})
 

@@ -27,7 +27,6 @@ from mujoco import rollout
 from experiments.common import setup, timed, write
 from jaxleg.batch import over_lanes
 from jaxleg.leg.energy import Power, electrical, motor_power
-from jaxleg.planner import Site
 from jaxleg.search.config import Study, baseline
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import CYCLES, Lab, Setting
@@ -37,6 +36,7 @@ from jaxleg.sim.engine import mjx
 from jaxleg.sim.model import STEP, build_model
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain.generators import Grid, TerrainSettings, terrain_batch
+from jaxleg.terrain.site import Site
 from jaxleg.walk.data import Reference
 from jaxleg.walk.reference import samples_per_cycle
 

@@ -20,12 +20,13 @@ from experiments.common import setup, training, write
 from jaxleg.batch import over_lanes
 from jaxleg.foothold.cascade import Reachable, soft_offset
 from jaxleg.leg.energy import CONVENTIONS
-from jaxleg.planner import Choice, Site, choose_footholds
+from jaxleg.planner import Choice, choose_footholds
 from jaxleg.search import agreement
 from jaxleg.search.config import Study, bounds
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, per_metre, to_params
 from jaxleg.sim.rollout import simulate
+from jaxleg.terrain.site import Site
 from jaxleg.walk.reference import reference
 
 STEP = 1e-5  # of a parameter's range

@@ -32,7 +32,7 @@ def setup() -> tuple[Study, Lab]:
 
 def training(study: Study, lab: Lab, kind: str) -> Lanes:
     """Training lanes of a kind, judged by energy alone (J/m), no margin floor."""
-    site = make_sites(study, float(lab.robot.foot_radius), kind, held_out=False)
+    site = make_sites(study, lab.robot, kind, held_out=False)
     count = site.valid.shape[0]
     bend = np.deg2rad(study.kinds[kind].least_knee_bend_deg)
     return Lanes(site, Setting(*(jnp.full(count, x, float) for x in (bend, UNBOUND, 1.0))))

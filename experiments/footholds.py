@@ -19,17 +19,18 @@ import tyro
 
 from experiments.common import setup, write
 from jaxleg.conventions import LEGS, InputError
-from jaxleg.foothold.cascade import FootholdStatus, Reachable
+from jaxleg.foothold.cascade import FootholdStatus, Reachable, reachable_heights
 from jaxleg.foothold.rectangle import SearchRectangle, extent_of
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.params import GaitParams
-from jaxleg.planner import Site, plan_footholds, reachable_heights
+from jaxleg.planner import plan_footholds
 from jaxleg.search.checks import check_map
 from jaxleg.search.config import Rectangle, Study, baseline
 from jaxleg.search.lanes import Lab, to_params
 from jaxleg.search.sites import foothold_cells
 from jaxleg.terrain import Grid, HeightMap, flat, stairs
 from jaxleg.terrain.files import load_map
+from jaxleg.terrain.site import Site
 from jaxleg.viz.footholds import Planned, draw_cascade, draw_footholds
 
 CYCLES = 3

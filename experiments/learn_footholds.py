@@ -26,6 +26,7 @@ from experiments.common import setup, write
 from jaxleg.batch import over_lanes
 from jaxleg.foothold.learned import differences, learn, leg_weights, listwise_loss, pairwise_accuracy
 from jaxleg.gait.order import PHASES
+from jaxleg.gait.phases import Phases
 from jaxleg.leg.energy import electrical
 from jaxleg.search.config import baseline
 from jaxleg.search.lanes import Lab, to_params
@@ -35,9 +36,9 @@ from jaxleg.terrain import Grid, HeightMap, rough
 from jaxleg.terrain.cost_map import CostSettings, cost_weights
 from jaxleg.terrain.foothold_cost import FEATURES, foothold_scores
 from jaxleg.terrain.foothold_features import foothold_features
+from jaxleg.terrain.ground import on_ground
 from jaxleg.viz.style import GREY, LEG_COLOUR, blank, label, save
-from jaxleg.walk.crawl import on_ground
-from jaxleg.walk.data import Phases, Walk
+from jaxleg.walk.data import Walk
 from jaxleg.walk.reference import reference
 from jaxleg.walk.standing import stand_first
 

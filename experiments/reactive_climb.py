@@ -24,7 +24,7 @@ from experiments.stairs import unseen
 from jaxleg.batch import over_lanes
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.order import SHIFT, SWING_LEG
-from jaxleg.planner import Site, choose_footholds
+from jaxleg.planner import choose_footholds
 from jaxleg.search.config import Study, baseline
 from jaxleg.search.lanes import CYCLES, Lab, to_params
 from jaxleg.search.sites import foothold_cells
@@ -32,6 +32,7 @@ from jaxleg.sim.reactive import Tick, walk_reactively
 from jaxleg.sim.reflex import Feeling, feeling
 from jaxleg.swing.machine import Mode, extended
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.terrain.site import Site
 
 RUNS, ERROR, DT = 64, 0.03, 0.0025
 WINDOW = 0.05  # of the touch-down impulse [s]

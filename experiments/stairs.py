@@ -62,7 +62,7 @@ def unseen_stairs(study: Study, lab: Lab, count: int) -> tuple[Lanes, np.ndarray
 def unseen(study: Study, lab: Lab, kind: str, count: int) -> Lanes:
     """Held-out terrains of a kind: those that differ of so many drawn."""
     study = dataclasses.replace(study, terrains=dataclasses.replace(study.terrains, held_out=count * len(study.kinds)))
-    site = make_sites(study, float(lab.robot.foot_radius), kind, held_out=True)
+    site = make_sites(study, lab.robot, kind, held_out=True)
     bend = np.deg2rad(study.kinds[kind].least_knee_bend_deg)
     return Lanes(site, Setting(*(jnp.full(site.valid.shape[0], x, float) for x in (bend, 0.0, 1.0))))
 

@@ -16,20 +16,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import tyro
+from jaxleg.walk.gaits import GaitPlan, Scene, State, first_state, gait_nodes
 from jaxtyping import Array, Bool, Int
 
 from experiments.common import setup, write
 from experiments.walk_maps import GAIT
 from jaxleg.batch import layout, over_lanes, over_queue, shared_out
-from jaxleg.posture.collision import Obstacles
-from jaxleg.route.path import BodyPath, PathStatus
+from jaxleg.route.path import BodyPath
 from jaxleg.route.stations import stations
 from jaxleg.search.navigate import MOST, navigator_of
+from jaxleg.series.tree import SearchStatus, advance, begin
+from jaxleg.status import Status
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
+from jaxleg.terrain.obstacles import Obstacles
 from jaxleg.viz.navigation import Look, draw_dead_end
-from jaxleg.walk.gaits import GaitPlan, Scene, State, first_state, gait_nodes
 from jaxleg.walk.navigation import Navigator
-from jaxleg.walk.tree import SearchStatus, advance, begin
 
 GRID = Grid(70, 36, 0.04, (0.02, 0.02))
 START, CELLS = (16, 18), 36  # of a straight path along x: 1.4 m
@@ -132,7 +133,7 @@ def straight(height: HeightMap) -> BodyPath:
     """A path along x."""
     cells = jnp.stack([START[0] + jnp.arange(CELLS), jnp.full(CELLS, START[1])], axis=1)
     zero = jnp.zeros((), height.elevation.dtype)
-    return BodyPath(cells, jnp.zeros(CELLS, jnp.int32), jnp.array(CELLS), zero, jnp.array(int(PathStatus.OK), jnp.int32))
+    return BodyPath(cells, jnp.zeros(CELLS, jnp.int32), jnp.array(CELLS), zero, jnp.array(int(Status.OK), jnp.int32))
 
 
 def row(found: Outcome) -> dict[str, Any]:

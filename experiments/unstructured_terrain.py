@@ -25,12 +25,13 @@ from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import navigate, navigator_of, survey_all
 from jaxleg.sim.follow import film
 from jaxleg.sim.referee_follow import follow_all
+from jaxleg.status import Status
 from jaxleg.terrain import HeightMap
 from jaxleg.terrain.body_cost import body_features
 from jaxleg.viz.animation import animate
 from jaxleg.viz.cost_maps import cost_maps
 from jaxleg.viz.navigation import draw_walk, trail
-from jaxleg.walk.navigation import NavigationStatus, Navigator, Planned, Survey, Walked
+from jaxleg.walk.navigation import Navigator, Planned, Survey, Walked
 
 MAP, EASY = 119, 39  # of the 200 of `walk_maps`: difficulty 0.6; with `quick` an easier one
 WEIGHTS = (0.1, 0.9)  # mu_2 of the two paths
@@ -53,7 +54,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     for name, row in rows.items():
         print(f"{name}: {row}")
     walked, detours = navigate(navigator, surveys, start, goal)
-    status = NavigationStatus(walked.status[0]).name.lower()
+    status = Status(walked.status[0]).name.lower()
     result: dict[str, Any] = {"map": number, "paths": rows, "status": status, "detours": int(detours[0])}
     if status == "ok":
         result |= walk(lab, navigator, survey, jax.tree.map(lambda x: x[0], walked), goal[0], folder, referee=not quick)

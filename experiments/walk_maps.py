@@ -21,10 +21,10 @@ from jaxleg.search.config import Gait
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import MOST, Outcome, navigate, navigator_of, on_valid_cells, simulate_all, survey_all
 from jaxleg.sim.referee_follow import follow_all
+from jaxleg.status import Status
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
 from jaxleg.viz.navigation import Trials, draw_success
-from jaxleg.walk.candidates import Cause
-from jaxleg.walk.navigation import NavigationStatus, Navigator, Survey, Walked
+from jaxleg.walk.navigation import Navigator, Survey, Walked
 
 GRID = Grid(200, 100, 0.04, (0.02, 0.02))
 KINDS = ("cuboids", "fractal")
@@ -81,12 +81,12 @@ def main(out: Path | None = None, quick: bool = False) -> None:
 
 def succeeded(walked: Walked, seen: Outcome) -> np.ndarray:
     """Lanes that walked to within 0.3 m of the goal without a fall or trunk contact."""
-    return (walked.status == NavigationStatus.OK) & seen.finished & (seen.left < 0.3)
+    return (walked.status == Status.OK) & seen.finished & (seen.left < 0.3)
 
 
 def has_path(walked: Walked) -> np.ndarray:
     """Lanes with a body path."""
-    none = (NavigationStatus.NO_PATH, NavigationStatus.START_BLOCKED, NavigationStatus.GOAL_BLOCKED)
+    none = (Status.NO_PATH, Status.START_BLOCKED, Status.GOAL_BLOCKED)
     return ~np.isin(walked.status, none)
 
 
@@ -125,7 +125,7 @@ def _positive(seen: Outcome, lanes: np.ndarray) -> np.ndarray:
 
 def summary(there: World, walked: Walked, detours: np.ndarray, seen: Outcome, valid: np.ndarray) -> dict[str, Any]:
     """The rows of the result, and every failure's cause."""
-    status, planned = walked.status, walked.status == NavigationStatus.OK
+    status, planned = walked.status, walked.status == Status.OK
     path, success = has_path(walked), succeeded(walked, seen)
     landing = seen.landing.max(axis=1)
     failures = [
@@ -133,7 +133,7 @@ def summary(there: World, walked: Walked, detours: np.ndarray, seen: Outcome, va
             "map": int(i),
             "kind": KINDS[there.kind[i]],
             "difficulty": float(there.difficulty[i]),
-            "cause": "fell" if planned[i] and seen.followed.meters.fell[i] else NavigationStatus(status[i]).name.lower(),
+            "cause": "fell" if planned[i] and seen.followed.meters.fell[i] else Status(status[i]).name.lower(),
         }
         for i in np.flatnonzero(~success)
     ]
@@ -157,7 +157,7 @@ def summary(there: World, walked: Walked, detours: np.ndarray, seen: Outcome, va
         "steps_mean": float(walked.count[planned].mean()),
         "tried_a_step": float(walked.visited[planned].sum() / walked.count[planned].sum()),
         "with_detours": int((planned & (detours > 0)).sum()),
-        "causes_of_refused_candidates": {c.name.lower(): int(walked.causes[:, c].sum()) for c in Cause if c},
+        "causes_of_refused_candidates": {c.name.lower(): int(walked.causes[:, c].sum()) for c in Status if c},
         "by_kind": {
             kind: {"with_path": int(path[of].sum()), "walked": int(success[of].sum()), "maps": int(of.sum())}
             for kind, of in ((kind, there.kind == k) for k, kind in enumerate(KINDS))

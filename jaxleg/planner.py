@@ -1,89 +1,61 @@
-"""Planner A, end to end: nominal stance, cascade of footholds, crawl, reference. One lane; `vmap` outside."""
+"""Planner: how a walk is planned, in six parts, each with several fillings.
 
-from typing import NamedTuple
+    route x foothold x posture x series x timing x swing
+
+    part        question                                 fillings
+    route       where does the stance stand when         Straight (A), Along a body path (C)
+    foothold    which cells does a foot propose          Cascade (A), Ranked by cost, hand-set or learned (C)
+    posture     how does the trunk stand over the feet   Incentre (A), Plane (C)
+    series      how far ahead is looked                  Greedy (A), Tree (C)
+    timing      how long does a phase take               BySpeed (A), ByAcceleration (C)
+    swing       how does a foot fly                      Cycloid (A, C); the machine that feels (B) flies it in simulation
+
+Paper A is Straight x Cascade x Incentre x Greedy x BySpeed x Cycloid, paper C is Along x Ranked x Plane x Tree x ByAcceleration
+x Cycloid (`walk.presets`); paper B's machine takes the place of a planned swing in any walk. A Planner is a pytree whose numbers
+are leaves; its parts are structure, so lanes of two presets never share a `vmap`.
+
+A plan is made in two stages (`walk.choose`, `walk.walk`). First the choices: exact, discrete, without a gradient. Then the walk
+as a differentiable function of the planner's numbers, the robot's and the map's, with the choices held.
+"""
+
+import dataclasses
+from typing import no_type_check
 
 import jax
-import jax.numpy as jnp
-from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
-from jaxleg.foothold.cascade import Footholds, Reachable, choose
-from jaxleg.foothold.rectangle import Extent, SearchRectangle
-from jaxleg.gait.nominal import nominal_stances
+from jaxleg.foothold.cascade import Cascade
+from jaxleg.foothold.ranked import Ranked
 from jaxleg.gait.params import GaitParams
-from jaxleg.leg.kinematics import reach_for_bend
-from jaxleg.numerics import sqrt_safe
-from jaxleg.robot import Robot
-from jaxleg.terrain.heightmap import HeightMap
-from jaxleg.walk.crawl import CrawlSettings, crawl
-from jaxleg.walk.data import Walk
+from jaxleg.gait.timing import ByAcceleration, BySpeed
+from jaxleg.posture.incentre import Incentre
+from jaxleg.posture.plane import Plane
+from jaxleg.route.stations import Along, Straight
+from jaxleg.series.kinds import Greedy, Tree
+from jaxleg.swing.clearance import Cycloid
 
 
-class Site(NamedTuple):
-    """A terrain as the planner sees it: the map and where a foot may be placed."""
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """What every step of a walk must keep; every field a leaf."""
 
-    terrain: HeightMap
-    valid: Bool[Array, "nx ny"]
-
-
-class Choice(NamedTuple):
-    """The discrete part of a plan: offsets (x, y) [m] from the nominal footholds and their `FootholdStatus`."""
-
-    offset: Float[Array, "stance leg 2"]
-    status: Int[Array, "stance leg"]
+    knee_bend: Float[Array, "*batch"]  # least, of every knee [rad]
+    margin: Float[Array, "*batch"]  # least stability margin [m]
 
 
-def reachable_heights(robot: Robot, params: GaitParams, least_bend: Float[ArrayLike, ""]) -> Reachable:
-    """Heights of a foothold over the ground round it that a leg reaches (the "kinematically valid" of paper A, IV.B.3).
+@no_type_check  # `tree.map` rebuilds it with whatever leaves: axes for `vmap`, None
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class Planner:
+    """How a walk is planned; see above. `standing` walks begin and end standing, others in mid-gait."""
 
-    The hips' plane may come down to the thigh's length over the ground (A5, A17), and the foot is at most |L_F2H| + L_Step/2
-    before or behind its hip: so deep reaches the leg at its least knee bend. No foot stands higher than H_COG - L2.
-    """
-    thigh = -robot.link_offset[0, 1, 2]
-    ahead = jnp.abs(params.foot_offset) + 0.5 * params.step_length
-    deepest = sqrt_safe(reach_for_bend(robot.link_offset[0], least_bend) ** 2 - ahead**2)
-    return Reachable(thigh - deepest, params.hip_height - thigh, params.step_length)
-
-
-def plan_footholds(
-    nominal: Float[Array, "stance leg 2"], rectangle: SearchRectangle, reachable: Reachable, site: Site, extent: Extent
-) -> Choice:
-    """Choose 4, 8, 12, ... footholds: one cascade for each stance of four feet, each from its own nominal footholds."""
-    found: Footholds = jax.vmap(choose, in_axes=(0, None, None, None, None, None))(
-        nominal, site.valid, site.terrain, rectangle, reachable, extent
-    )
-    return Choice(found.offset, found.status)
-
-
-def choose_footholds(
-    robot: Robot,
-    params: GaitParams,
-    least_bend: Float[ArrayLike, ""],
-    rectangle: SearchRectangle,
-    site: Site,
-    extent: Extent,
-    cycles: int,
-) -> Choice:
-    """Choose the footholds of a walk along +x, the stance it begins in included (paper A, IV.B.3); no gradient."""
-    params, rectangle, site = jax.lax.stop_gradient((params, rectangle, site))
-    nominal = nominal_stances(params, 0, cycles + 1)
-    return plan_footholds(nominal, rectangle, reachable_heights(robot, params, least_bend), site, extent)
-
-
-def no_choice(cycles: int, dtype: jnp.dtype) -> Choice:
-    """Every foot at its nominal foothold."""
-    return Choice(jnp.zeros((cycles + 1, 4, 2), dtype), jnp.zeros((cycles + 1, 4), jnp.int32))
-
-
-def plan_walk(
-    robot: Robot,
-    params: GaitParams,
-    settings: CrawlSettings,
-    rectangle: SearchRectangle,
-    site: Site,
-    extent: Extent,
-    cycles: int = 2,
-) -> Walk:
-    """A walk of whole cycles along +x on a site: footholds by the cascade, then the crawl over them."""
-    choice = choose_footholds(robot, params, settings.least_knee_bend, rectangle, site, extent, cycles)
-    return crawl(robot, params, settings, site.terrain, choice.offset, choice.status)
+    gait: GaitParams
+    route: Straight | Along
+    foothold: Cascade | Ranked
+    posture: Incentre | Plane
+    series: Greedy | Tree
+    timing: BySpeed | ByAcceleration
+    swing: Cycloid
+    limits: Limits
+    standing: bool = dataclasses.field(default=False, metadata={"static": True})

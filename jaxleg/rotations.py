@@ -52,3 +52,15 @@ def trunk_spin(turn: Float[Array, "3"], rate: Float[Array, "3"]) -> Float[Array,
     (cp, cr), (sp, sr) = jnp.cos(turn[:2]), jnp.sin(turn[:2])
     pitch, roll, yaw = rate[0], rate[1], rate[2]
     return jnp.stack([roll + yaw * sp, yaw * cp * sr - pitch * cr, yaw * cp * cr + pitch * sr])
+
+
+def turned(point: Float[Array, "*n 2"], yaw: Float[Array, ""]) -> Float[Array, "*n 2"]:
+    """(ahead, left) of a heading [rad] as (x, y)."""
+    c, s = jnp.cos(yaw), jnp.sin(yaw)
+    return jnp.stack([c * point[..., 0] - s * point[..., 1], s * point[..., 0] + c * point[..., 1]], axis=-1)
+
+
+def to_heading(point: Float[Array, "*n 2"], yaw: Float[Array, ""]) -> Float[Array, "*n 2"]:
+    """(x, y) as (ahead, left) of a heading [rad]: the inverse of `turned`."""
+    c, s = jnp.cos(yaw), jnp.sin(yaw)
+    return jnp.stack([c * point[..., 0] + s * point[..., 1], c * point[..., 1] - s * point[..., 0]], axis=-1)

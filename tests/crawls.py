@@ -5,11 +5,11 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxleg.walk.crawl import CrawlSettings
 
 from jaxleg.gait.params import GaitParams
 from jaxleg.posture.incentre import CogPlan
 from jaxleg.terrain import Grid, flat, rough, stairs
-from jaxleg.walk.crawl import CrawlSettings
 
 GRID = Grid(112, 52, 0.02, (-0.9, -0.51))
 TERRAINS = {

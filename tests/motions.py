@@ -10,11 +10,12 @@ import numpy as np
 
 from jaxleg.control.tracking import Tracking
 from jaxleg.gait.order import SHIFT
+from jaxleg.gait.phases import Phases
 from jaxleg.robot import Robot
 from jaxleg.robot.mjcf import robot_mjcf
 from jaxleg.terrain import HeightMap
-from jaxleg.walk.crawl import on_ground
-from jaxleg.walk.data import Phases, Reference
+from jaxleg.terrain.ground import on_ground
+from jaxleg.walk.data import Reference
 from jaxleg.walk.reference import phase_instants, to_reference
 
 FEET = np.array([[0.32, 0.18], [0.30, -0.18], [-0.30, 0.18], [-0.28, -0.18]])

@@ -9,10 +9,9 @@ import pytest
 from jaxleg.cli.plan import find_terrain, notes, read
 from jaxleg.cli.planning import CAUSES, reasons
 from jaxleg.search.config import Gait, Kind, Study
+from jaxleg.status import Status
 from jaxleg.terrain import KINDS, Grid
 from jaxleg.terrain.heightmap import HeightMap
-from jaxleg.walk.candidates import Cause
-from jaxleg.walk.navigation import NavigationStatus
 from tests.test_cli import CONFIGS, KIND, refused
 
 PLAN = ("--start", "0.5", "0.5", "--goal", "2.5", "1.0")
@@ -204,17 +203,17 @@ def test_what_is_not_used_of_a_gait_is_said():
 
 
 class Walk:
-    status, visited = NavigationStatus.DEAD_END, 12
+    status, visited = Status.DEAD_END, 12
     causes = np.zeros(8, int)
 
 
 def test_a_dead_ends_causes_are_counted():
-    Walk.causes[[Cause.NONE, Cause.KINEMATICS, Cause.STABILITY]] = 4, 3, 5
+    Walk.causes[[Status.OK, Status.KINEMATICS, Status.STABILITY]] = 4, 3, 5
     lines = reasons(None, Walk, np.zeros(2), np.zeros(2))
     assert "no series of gaits" in lines[0]
     assert "12 candidate states" in lines[1]
     assert [line.split(maxsplit=1) for line in lines[2:]] == [["5", CAUSES["STABILITY"]], ["3", CAUSES["KINEMATICS"]]]
-    assert set(CAUSES) == {cause.name for cause in Cause} - {"NONE"}
+    assert set(CAUSES) == {cause.name for cause in Status} - {"NONE"}
 
 
 def test_far_maps_take_far_ends(config, map_file, tmp_path, capsys):

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import tomli_w
+from jaxleg.walk.crawl import crawl
 
 from jaxleg.cli.study import leg_numbers
 from jaxleg.conventions import InputError
@@ -18,9 +19,8 @@ from jaxleg.search.navigate import navigator_of
 from jaxleg.search.run import make_lab
 from jaxleg.search.sites import grid, terrain_settings
 from jaxleg.settings import load, to_table
+from jaxleg.status import Status
 from jaxleg.terrain import Grid, flat
-from jaxleg.walk.crawl import crawl
-from jaxleg.walk.data import PlanStatus
 from jaxleg.walk.proxy import evaluate
 from tests.test_fuzz_robots import CHANGES
 
@@ -125,7 +125,7 @@ def test_every_spoiled_study_is_refused_in_a_sentence_or_walks_by_finite_numbers
     print(count, "files", refused, "refused", np.bincount(statuses))
     assert count >= 300
     assert 0.4 * count < refused < 0.95 * count
-    assert np.mean(np.array(statuses) == PlanStatus.OK) > 0.9
+    assert np.mean(np.array(statuses) == Status.OK) > 0.9
 
 
 def used(walk, robot, study, name):
@@ -137,6 +137,6 @@ def used(walk, robot, study, name):
         assert all(np.isfinite(x).all() for x in jax.tree.leaves((navigator.gait, navigator.stride, navigator.timing))), name
         energy, distance, checks = walk(study, lab, kind)
         numbers = [float(x) for x in (*energy, distance, *checks[:-1])]
-        assert np.isfinite(numbers).all() or checks.status != PlanStatus.OK, (name, numbers)
+        assert np.isfinite(numbers).all() or checks.status != Status.OK, (name, numbers)
         statuses.append(int(checks.status))
     return statuses

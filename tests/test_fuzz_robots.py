@@ -11,13 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import tomli_w
+from jaxleg.walk.crawl import crawl
 
 from jaxleg.conventions import InputError
 from jaxleg.gait.limits import leg_length
 from jaxleg.robot import load_robot
+from jaxleg.status import Status
 from jaxleg.terrain import Grid, flat
-from jaxleg.walk.crawl import crawl
-from jaxleg.walk.data import PlanStatus
 from jaxleg.walk.proxy import evaluate
 from tests.crawls import gait, settings
 
@@ -144,8 +144,8 @@ def test_every_spoiled_robot_is_refused_in_a_sentence_or_walks_by_finite_numbers
             continue
         energy, distance, checks = walk(robot)
         numbers = np.stack([np.asarray(x, float) for x in (*energy, distance, *checks[:-1])])
-        assert (np.isfinite(numbers).all(axis=0) | (checks.status != PlanStatus.OK)).all(), (name, numbers, checks.status)
+        assert (np.isfinite(numbers).all(axis=0) | (checks.status != Status.OK)).all(), (name, numbers, checks.status)
         statuses += list(checks.status)
     assert count >= 300
     assert refused > 0.4 * count
-    assert np.mean(np.array(statuses) == PlanStatus.OK) > 0.2, np.bincount(statuses)
+    assert np.mean(np.array(statuses) == Status.OK) > 0.2, np.bincount(statuses)

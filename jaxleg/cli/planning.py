@@ -10,10 +10,9 @@ from jaxleg.cli.start import EXIT_INFEASIBLE
 from jaxleg.conventions import InputError
 from jaxleg.search.navigate import navigate, navigator_of, survey_all
 from jaxleg.settings import to_table
+from jaxleg.status import Status
 from jaxleg.terrain.heightmap import nearest_cell
-from jaxleg.walk.candidates import Cause
 from jaxleg.walk.level import level_stance
-from jaxleg.walk.navigation import NavigationStatus
 from jaxleg.walk.plan_file import save_plan
 
 NAMES = {  # statuses of a planned walk, in words
@@ -47,7 +46,7 @@ def make(task: Any, console: Any) -> int:
         surveys = survey_all(navigator, lanes)
         walked, detours = navigate(navigator, surveys, start, goal)
     survey, walk = jax.tree.map(lambda x: x[0], (surveys, walked))
-    if walk.status != NavigationStatus.OK:
+    if walk.status != Status.OK:
         for line in reasons(survey, walk, start[0], goal[0]):
             console.print(line)
         return EXIT_INFEASIBLE
@@ -63,8 +62,8 @@ def make(task: Any, console: Any) -> int:
 
 def check_stance(task: Any, navigator: Any) -> None:
     """Raises `InputError` where the robot cannot stand on level ground as the gait asks, at no candidate height."""
-    seen = jax.jit(level_stance)(task.robot, navigator.gait)
-    least = float(navigator.gait.least_bend)
+    seen = jax.jit(level_stance)(task.robot, navigator.planner)
+    least = float(navigator.planner.limits.knee_bend)
     fits = seen.reach & (seen.bend >= least) & (seen.room >= 0.0) & (seen.torque <= 1.0)
     if np.any(fits):
         return
@@ -84,12 +83,12 @@ def check_stance(task: Any, navigator: Any) -> None:
 
 def reasons(survey: Any, walk: Any, start: np.ndarray, goal: np.ndarray) -> list[str]:
     """Why there is no walk, with what was counted on the way."""
-    status = NavigationStatus(walk.status)
+    status = Status(walk.status)
     lines = [f"no walk: {NAMES[status.name]}"]
-    ends = {NavigationStatus.START_BLOCKED: start, NavigationStatus.GOAL_BLOCKED: goal}
+    ends = {Status.START_BLOCKED: start, Status.GOAL_BLOCKED: goal}
     if status in ends:
         lines[0] += f": {blocked_by(survey, ends[status])}"
-    counts = {cause: int(walk.causes[cause]) for cause in Cause if cause != Cause.NONE and walk.causes[cause]}
+    counts = {cause: int(walk.causes[cause]) for cause in Status if cause != Status.OK and walk.causes[cause]}
     if counts:
         lines.append(f"{int(walk.visited)} candidate states tried; not reached: {sum(counts.values())}")
         lines += [f"  {count:6d}  {CAUSES[cause.name]}" for cause, count in sorted(counts.items(), key=lambda x: -x[1])]
@@ -98,7 +97,7 @@ def reasons(survey: Any, walk: Any, start: np.ndarray, goal: np.ndarray) -> list
 
 def blocked_by(survey: Any, xy: np.ndarray) -> str:
     """What makes a cell one that the trunk's centre cannot be over."""
-    cell = tuple(np.asarray(nearest_cell(survey.scene.terrain, jnp.asarray(xy))))
+    cell = tuple(np.asarray(nearest_cell(survey.site.terrain, jnp.asarray(xy))))
     if not np.isfinite(survey.cost.body[cell]):
         return "steps or unseen ground under the body"
     if not np.isfinite(survey.cost.feet[:, *cell]).any():
@@ -108,7 +107,7 @@ def blocked_by(survey: Any, xy: np.ndarray) -> str:
 
 def save(task: Any, navigator: Any, walk: Any, planned: Any, goal: np.ndarray) -> None:
     """Write `plan.npz`."""
-    count, last = int(walk.count), int(planned.last)
+    count, last = int(walk.choices.count), int(planned.last)
     reference = jax.tree.map(lambda x: np.asarray(x)[: last + 1], planned.reference)
     params = {
         "navigation": to_table(task.study.navigation),
@@ -118,8 +117,8 @@ def save(task: Any, navigator: Any, walk: Any, planned: Any, goal: np.ndarray) -
         "tick": task.study.navigation.pace.tick,
         "steps": count,
     }
-    states = jax.tree.map(lambda x: np.asarray(x)[: count + 1], walk.states)
-    save_plan(task.out, task.robot_file.name, task.robot, task.map, reference, states.feet, states.pose, goal, params)
+    feet, poses = (np.asarray(x)[: count + 1] for x in (walk.walk.feet, walk.walk.poses))
+    save_plan(task.out, task.robot_file.name, task.robot, task.map, reference, feet, poses, goal, params)
 
 
 def show(task: Any, console: Any, walk: Any, planned: Any, detours: int) -> None:
@@ -127,7 +126,7 @@ def show(task: Any, console: Any, walk: Any, planned: Any, detours: int) -> None
     time = float(planned.reference.time[int(planned.last)])
     cells = np.asarray(walk.path.cells)[: int(walk.path.length)]
     console.print(f"path of {len(cells)} cells, cost {float(walk.path.cost):.2f}; detours round dead ends: {detours}")
-    console.print(f"{int(walk.count)} steps in {time:.1f} s; {int(walk.visited)} candidate states tried")
+    console.print(f"{int(walk.choices.count)} steps in {time:.1f} s; {int(walk.visited)} candidate states tried")
     bend, ratio = np.rad2deg(float(planned.knee_bend)), float(planned.torque_ratio)
     console.print(f"least knee bend {bend:.1f} deg, greatest torque {100.0 * ratio:.0f} % of its limit")
     if np.any(task.map.datum):
@@ -140,6 +139,6 @@ def picture(task: Any, survey: Any, walk: Any, start: np.ndarray, goal: np.ndarr
     """The walk from above."""
     from jaxleg.viz.navigation import draw_walk, trail
 
-    trunk = np.asarray(walk.states.pose)[: int(walk.count) + 1, :2]
+    trunk = np.asarray(walk.walk.poses)[: int(walk.choices.count) + 1, :2]
     seen, (x, y, _) = trail(task.map.terrain, walk, trunk, start, goal, simulated=False), task.map.datum
-    draw_walk(task.map.terrain, survey.scene.valid, seen, task.figure, (x, y))
+    draw_walk(task.map.terrain, survey.site.valid, seen, task.figure, (x, y))

@@ -5,6 +5,7 @@ stance (Fig. 7). First within the search rectangle, then within the lengthened o
 the nearest valid cell, within the lengthened rectangle or else within one step length. A leg without any is flagged.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import jax
@@ -23,10 +24,14 @@ from jaxleg.foothold.rectangle import (
     cells_around,
     feasible_score,
     nearest_first,
-    to_heading,
 )
-from jaxleg.numerics import Code
+from jaxleg.gait.params import GaitParams
+from jaxleg.leg.kinematics import reach_for_bend
+from jaxleg.numerics import Code, sqrt_safe
+from jaxleg.robot.model import Robot
+from jaxleg.rotations import to_heading
 from jaxleg.terrain.heightmap import HeightMap, nearest_cell
+from jaxleg.terrain.site import Site
 
 BLOCK = 64  # cells a leg that the last resort looks at together
 
@@ -47,6 +52,14 @@ class Footholds(NamedTuple):
     status: Int[Array, "leg"]
 
 
+class Proposal(NamedTuple):
+    """Candidate footholds of a leg, best first."""
+
+    xy: Float[Array, "foothold 2"]  # in W [m]
+    exists: Bool[Array, "foothold"]
+    cost: Float[Array, "foothold"]
+
+
 class Reachable(NamedTuple):
     """What a leg can reach: a foothold's height over the mean ground under its end's two legs, and one step length [m]."""
 
@@ -61,6 +74,60 @@ class Found(NamedTuple):
     footing: Float[Array, "nx ny"]  # height of the cells that are footholds, NaN elsewhere [m]
     level: Float[Array, "leg"]  # mean height of the ground at each leg's end [m]
     usable: Bool[Array, "leg i j"]  # candidates that are footholds of a height that the leg reaches
+
+
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class Cascade:
+    """The search rectangle, and the knee bend that a foothold's height must allow; the extent is static."""
+
+    rectangle: SearchRectangle
+    least_bend: Float[Array, "*batch"]  # [rad]
+    extent: Extent = dataclasses.field(metadata={"static": True})
+    count: int = dataclasses.field(default=12, metadata={"static": True})  # of candidates that a tree search is offered
+
+    def stance(
+        self, robot: Robot, gait: GaitParams, site: Site, nominal: Float[Array, "leg 2"], yaw: Float[Array, ""]
+    ) -> Footholds:
+        """The footholds of a stance that heads by `yaw` [rad]; no gradient."""
+        nominal, gait, yaw, this = jax.lax.stop_gradient((nominal, gait, yaw, self))
+        reachable = reachable_heights(robot, gait, this.least_bend)
+        rectangle = dataclasses.replace(this.rectangle, heading=yaw)
+        return choose(nominal, site.valid, site.terrain, rectangle, reachable, self.extent)
+
+    def propose(
+        self,
+        robot: Robot,
+        gait: GaitParams,
+        site: Site,
+        nominal: Float[Array, "leg 2"],
+        yaw: Float[Array, ""],
+        leg: Int[Array, ""],
+    ) -> Proposal:
+        """A leg's foothold of the stance's common choice, then its other cells by the feasible score; no gradient."""
+        own = self.stance(robot, gait, site, nominal, yaw)
+        rectangle = dataclasses.replace(self.rectangle, heading=yaw)
+        seen = candidates(rectangle, site.terrain.resolution, self.extent.cells)
+        reachable = reachable_heights(robot, gait, self.least_bend)
+        usable = _look(nominal, site.valid, site.terrain, seen, reachable, self.extent.cells)[2][leg] & seen.long
+        again = jnp.all(jnp.abs(seen.offset - own.offset[leg][None, None]) < 1e-6, axis=-1)
+        score = jnp.where(usable & ~again, feasible_score(seen.along, rectangle, rectangle.longer), -jnp.inf)
+        worth, best = jax.lax.top_k(score.reshape(-1), self.count - 1)
+        offset = jnp.concatenate([own.offset[leg][None], seen.offset.reshape(-1, 2)[best]])
+        exists = jnp.concatenate([(own.status[leg] != FootholdStatus.NONE)[None], jnp.isfinite(worth)])
+        return Proposal(nominal[leg][None] + offset, exists, 1.0 - jnp.concatenate([jnp.ones(1, worth.dtype), worth]))
+
+
+def reachable_heights(robot: Robot, gait: GaitParams, least_bend: Float[ArrayLike, ""]) -> Reachable:
+    """Heights of a foothold over the ground round it that a leg reaches (the "kinematically valid" of paper A, IV.B.3).
+
+    The hips' plane may come down to the thigh's length over the ground (A5, A17), and the foot is at most |L_F2H| + L_Step/2
+    before or behind its hip: so deep reaches the leg at its least knee bend. No foot stands higher than H_COG - L2.
+    """
+    thigh = -robot.link_offset[0, 1, 2]
+    ahead = jnp.abs(gait.foot_offset) + 0.5 * gait.step_length
+    deepest = sqrt_safe(reach_for_bend(robot.link_offset[0], least_bend) ** 2 - ahead**2)
+    return Reachable(thigh - deepest, gait.hip_height - thigh, gait.step_length)
 
 
 def choose(

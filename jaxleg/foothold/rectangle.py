@@ -14,6 +14,8 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxleg.rotations import to_heading
+
 
 @jax.tree_util.register_dataclass
 @dataclasses.dataclass(frozen=True)
@@ -76,12 +78,6 @@ def candidates(rectangle: SearchRectangle, resolution: Float[ArrayLike, ""], cel
     ahead, aside = jnp.abs(along[..., 0]), jnp.abs(along[..., 1]) <= 0.5 * rectangle.width + slack
     short = (ahead <= 0.5 * rectangle.length + slack) & aside
     return Candidates(offset, along, short, (ahead <= 0.5 * (rectangle.length + rectangle.longer) + slack) & aside)
-
-
-def to_heading(offset: Float[Array, "*n 2"], heading: Float[Array, ""]) -> Float[Array, "*n 2"]:
-    """Offsets in W [m] as (ahead, to the left) of a heading [rad]."""
-    c, s = jnp.cos(heading), jnp.sin(heading)
-    return jnp.stack([c * offset[..., 0] + s * offset[..., 1], c * offset[..., 1] - s * offset[..., 0]], axis=-1)
 
 
 def feasible_score(

@@ -1,21 +1,35 @@
-"""Where the feet stand nominally. Paper A, IV.A, Fig. 6a (A7)."""
+"""Where the feet stand nominally: a parallelogram round each station of a route. Paper A, IV.A, Fig. 6a (A7); C, 3.1."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Float, Int
 
-from jaxleg.conventions import LEG_END, LEG_SIDE
+from jaxleg.conventions import LEFT_LEGS, LEG_END, LEG_SIDE
 from jaxleg.gait.params import GaitParams
+from jaxleg.rotations import turned
+from jaxleg.route.stations import Stations
+
+LATER = np.isin(np.arange(4), LEFT_LEGS).astype(np.int32)  # the left legs stand a half cycle further on than the right ones
 
 
-def nominal_stances(params: GaitParams, first: int, count: int) -> Float[Array, "stance leg 2"]:
-    """Nominal footholds (x, y) [m] of stances first, first+1, ... before the right legs swing; stance 0 is round x = 0.
+def nominal_offset(gait: GaitParams, leg: Int[Array, ""]) -> Float[Array, "2"]:
+    """A leg's nominal foothold (ahead, left) of the station that it stands at [m].
 
-    Paper A, Fig. 6a: a parallelogram of L_Stance x W_Stance, left feet ahead of right ones by L_Skew, moving on by L_Step a
-    cycle. Before the left legs swing the offset is L_Skew - L_Step.
+    L_Stance and W_Stance apart, and as much before or behind as L_Skew differs from (4)'s half a step: stations of a half
+    cycle are half a step apart already.
     """
-    dtype = params.step_length.dtype
-    end, side = jnp.asarray([LEG_END], dtype), jnp.asarray([LEG_SIDE], dtype)
-    x = 0.5 * (end * params.stance_length + side * params.skew)
-    y = 0.5 * side * params.stance_width
-    advance = jnp.arange(first, first + count, dtype=dtype)[:, None] * params.step_length
-    return jnp.stack([x + advance, jnp.broadcast_to(y, (count, y.shape[1]))], axis=-1)
+    dtype = gait.step_length.dtype
+    end, side = jnp.asarray(LEG_END, dtype)[leg], jnp.asarray(LEG_SIDE, dtype)[leg]
+    ahead = 0.5 * (end * gait.stance_length + side * (gait.skew - 0.5 * gait.step_length))
+    return jnp.stack([ahead, 0.5 * side * gait.stance_width])
+
+
+def station_of(stance: Int[Array, "*n"], leg: Int[Array, "*n"]) -> Int[Array, "*n"]:
+    """The station at which a leg stands in a stance: the right legs at every other one, the left ones at those between."""
+    return 2 * stance + jnp.asarray(LATER)[leg]
+
+
+def nominal_foothold(gait: GaitParams, stations: Stations, station: Int[Array, ""], leg: Int[Array, ""]) -> Float[Array, "2"]:
+    """A leg's nominal foothold (x, y in W) [m] at a station; beyond the last one it stays there."""
+    station = jnp.minimum(station, stations.yaw.shape[0] - 1)
+    return stations.xy[station] + turned(nominal_offset(gait, leg), stations.yaw[station])

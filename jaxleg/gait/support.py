@@ -3,13 +3,19 @@
 Points are horizontal (x, y) in W [m].
 """
 
+import dataclasses
+from typing import Literal
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.conventions import RING
 from jaxleg.numerics import norm_safe
+
+CogPoint = Literal["overlap", "median"]
 
 
 def crossing(a: Float[Array, "2"], b: Float[Array, "2"], c: Float[Array, "2"], d: Float[Array, "2"]) -> Float[Array, "2"]:
@@ -50,6 +56,31 @@ def overlap_median(
     """
     vertex = crossing(front, swing_hind, hind, swing_front)
     return vertex + ratio * (0.5 * (front + hind) - vertex)
+
+
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class CogRule:
+    """Where the centre of gravity stands over the support triangles: the overlap's in-centre, or on its median."""
+
+    ratio: Float[Array, "*batch"]  # place on the median: 0 the crossing of the diagonals, 1 the standing side
+    rule: CogPoint = dataclasses.field(default="overlap", metadata={"static": True})
+
+
+def cog_point(
+    cog: CogRule, before: Float[Array, "leg 3"], after: Float[Array, "leg 3"], leg: Int[Array, ""]
+) -> Float[Array, "2"]:
+    """Where the centre of gravity stands while `leg` swings from `before` to `after`. Paper A, IV.C (A12); C, (21).
+
+    On the overlap of the two support triangles of its side's swings: the hind foot has reached its target in both, the front
+    foot is still where it stood. So the point is the same for both swings of a side.
+    """
+    left, hind = leg % 2 == 0, leg >= 2
+    front_leg, hind_leg = jnp.where(left, 0, 1), jnp.where(left, 2, 3)
+    other_front, other_hind = jnp.where(left, 1, 0), jnp.where(left, 3, 2)
+    landed = jnp.where(hind, after[hind_leg, :2], before[hind_leg, :2])
+    corners = (before[other_front, :2], before[other_hind, :2], before[front_leg, :2], landed)
+    return overlap_incentre(*corners) if cog.rule == "overlap" else overlap_median(*corners, cog.ratio)
 
 
 def stability_margin(com: Float[Array, "2"], feet: Float[Array, "leg 2"], loaded: Bool[Array, "leg"]) -> Float[Array, ""]:

@@ -17,52 +17,35 @@ from jaxleg.leg.dynamics import all_leg_frames
 from jaxleg.numerics import matvec
 from jaxleg.robot import Robot
 from jaxleg.rotations import trunk_rotation
-from jaxleg.terrain.features import Disc, over_disc
 from jaxleg.terrain.heightmap import HeightMap, nearest_height
+from jaxleg.terrain.obstacles import Obstacles, highest_near, obstacles
 
 THIGH = (0.5, 1.0)  # places of the tested points along the thigh ...
 SHANK = (0.2, 0.4, 0.6, 0.75)  # ... and along the shank, from the knee
 TRUNK = (5, 3)  # points along and across the trunk's lower face
 
 
-class Obstacles(NamedTuple):
-    """The ground as columns, widened for a look at one point of a leg or trunk; no obstacle (-inf) where unseen."""
+class Sizes(NamedTuple):
+    """Radii and trunk of a robot as numbers [m]: they set the windows that a map is widened by, and are static."""
 
-    leg: HeightMap  # by whole cells
-    rest: Float[Array, ""]  # what is left of a leg's radius beyond them [m]
-    trunk: HeightMap  # by what the trunk's points leave between them
+    leg_radius: float
+    foot_radius: float
+    trunk: tuple[float, ...]
 
+    @classmethod
+    def of(cls, robot: Robot) -> "Sizes":
+        """Those of a concrete robot."""
+        return cls(float(robot.leg_radius), float(robot.foot_radius), tuple(np.asarray(robot.trunk_size).tolist()))
 
-def obstacles(terrain: HeightMap, resolution: float, leg_radius: float, trunk_spacing: float) -> Obstacles:
-    """Widen a map; lengths [m] and the map's `resolution` are static."""
-    seen = jnp.where(jnp.isfinite(terrain.elevation), terrain.elevation, -jnp.inf)
-
-    def widened(window: Disc) -> HeightMap:
-        return HeightMap(over_disc(seen, -jnp.inf, jax.lax.max, window), terrain.origin, terrain.resolution)
-
-    cells = max(int(np.ceil(leg_radius / resolution - 0.5 - 1e-6)), 0)
-    square = tuple((i, j) for i in range(-cells, cells + 1) for j in range(-cells, cells + 1))
-    rest = jnp.asarray(max(leg_radius - cells * resolution, 0.0), seen.dtype)
-    return Obstacles(widened(square), rest, widened(columns_within(trunk_spacing / np.sqrt(2.0), resolution)))
+    @property
+    def trunk_spacing(self) -> float:
+        """Greatest distance between neighbouring points of the trunk's lower face."""
+        return max(self.trunk[axis] / (count - 1) for axis, count in enumerate(TRUNK))
 
 
-def highest_near(ground: Obstacles, xy: Float[Array, "2"]) -> Float[Array, ""]:
-    """Highest column [m] within a leg's radius of xy along x and y: the corners of that square, on the widened map."""
-    corners = xy[None] + ground.rest * jnp.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]], xy.dtype)
-    return jnp.max(jax.vmap(nearest_height, in_axes=(None, 0))(ground.leg, corners))
-
-
-def columns_within(radius: float, resolution: float) -> Disc:
-    """Offsets of the cells whose square columns come within a radius [m] of some point of the middle cell; static."""
-    reach = int(np.ceil(radius / resolution)) + 1
-    gap = np.maximum(np.abs(np.arange(-reach, reach + 1)) - 1, 0) * resolution
-    near = np.hypot(gap[:, None], gap[None]) < radius
-    return tuple((int(i), int(j)) for i, j in np.argwhere(near) - reach)
-
-
-def trunk_spacing(trunk_size: np.ndarray) -> float:
-    """Greatest distance [m] between neighbouring points of a trunk's lower face, of its length, width and height [m]."""
-    return float(max(trunk_size[axis] / (count - 1) for axis, count in enumerate(TRUNK)))
+def robot_obstacles(sizes: Sizes, terrain: HeightMap, resolution: float) -> Obstacles:
+    """A map widened for a robot's legs and trunk; the sizes and the `resolution` [m per cell] are static."""
+    return obstacles(terrain, resolution, max(sizes.leg_radius, sizes.foot_radius), sizes.trunk_spacing)
 
 
 def leg_points(robot: Robot, pose: Float[Array, "6"], angles: Float[Array, "leg joint"]) -> Float[Array, "leg point 3"]:

@@ -1,7 +1,6 @@
-"""Trunk poses: way-points from the support triangles, pitch with the ground, lowering to what the legs reach.
+"""The trunk over the in-centre of the support triangles, pitched with the ground, lowered to what the legs reach.
 
-Paper A, IV.C (readings A12, A16, A17). A trunk pose is (x, y, z, pitch, roll, yaw): B's origin in W [m], its turn [rad].
-Paper A's crawl only pitches.
+Paper A, IV.C (readings A12, A16, A17). One pose for both swings of a side; a trunk pose is (x, y, z, pitch, roll, yaw).
 """
 
 import dataclasses
@@ -14,56 +13,76 @@ from jaxtyping import Array, Float, Int
 
 from jaxleg.conventions import LEG_END
 from jaxleg.gait.params import GaitParams
-from jaxleg.gait.support import overlap_incentre, overlap_median
+from jaxleg.gait.support import CogRule, cog_point
 from jaxleg.leg.kinematics import reach_for_bend
 from jaxleg.numerics import dot, sqrt_safe
 from jaxleg.posture.body import com_offset, feet_in_trunk
 from jaxleg.robot import Robot
-from jaxleg.rotations import trunk_rotation
+from jaxleg.rotations import to_heading, trunk_rotation, turned
 
-CogRule = Literal["overlap", "median"]
+Lowering = Literal["walk", "way-point"]
 
 
 @jax.tree_util.register_dataclass
 @dataclasses.dataclass(frozen=True)
-class CogPlan:
+class Incentre:
     """How way-points of the centre of gravity are placed (paper A, IV.C; C, (21))."""
 
-    median_ratio: Float[Array, "*batch"]  # place on the median, used by the rule "median" only
+    cog: CogRule
     height_threshold: Float[Array, "*batch"]  # a smaller change of a way-point's height is suppressed [m]
-    rule: CogRule = dataclasses.field(default="overlap", metadata={"static": True})
+    lowering: Lowering = dataclasses.field(default="walk", metadata={"static": True})  # all way-points alike, or each by itself
+
+    shared = True  # one pose for both swings of a side
+
+    def swing(self, robot: Robot, gait: GaitParams, before, after, leg, adjust, yaw) -> Float[Array, "6"]:
+        """Trunk pose for a side's two swings; see `waypoint`. `adjust` is added: height [m], pitch and roll [rad]."""
+        pose = waypoint(robot, gait, self.cog, before, after, leg, yaw)
+        return pose.at[2:5].add(adjust)
+
+    def stand(self, robot: Robot, gait: GaitParams, feet, yaw) -> Float[Array, "6"]:
+        """Trunk pose of standing on four feet: over their middle."""
+        return over(robot, gait, jnp.mean(feet[:, :2], axis=0), feet, yaw)
+
+    def settle(self, poses: Float[Array, "pose 6"]) -> Float[Array, "pose 6"]:
+        """The poses of a walk without the small changes of height."""
+        return poses.at[:, 2].set(held_heights(poses[:, 2], self.height_threshold))
 
 
 def waypoint(
     robot: Robot,
-    params: GaitParams,
-    cog: CogPlan,
+    gait: GaitParams,
+    cog: CogRule,
     before: Float[Array, "leg 3"],
     after: Float[Array, "leg 3"],
-    standing: Int[Array, "2"],
-    swinging: Int[Array, "2"],
+    leg: Int[Array, ""],
+    yaw: Float[Array, ""],
 ) -> Float[Array, "6"]:
-    """Trunk pose in which a side's two swings happen (paper A, IV.C; reading A12).
+    """Trunk pose in which a side's two swings happen (paper A, IV.C; reading A12), heading by `yaw` [rad].
 
-    `before`, `after` are the feet before and after the two swings; `standing`, `swinging` the (front, hind) legs. Across, the
-    centre of mass (legs included, averaged over the swings) stands over the in-centre of the two support triangles' overlap,
-    or over a point on its median (rule "median"). Fore and aft the hips' centre stands `foot_offset` ahead of that point, so
-    the feet are behind the hips by as much: A16, the margin lost is reported. Height: mean foot height + H_COG; pitch: with
-    the line from hind to front feet (A17).
+    `before`, `after` are the feet before and after the two swings; `leg` is one that swings. Across, the centre of mass (legs
+    included, averaged over the swings) stands over the in-centre of the two support triangles' overlap, or over a point on its
+    median. Fore and aft the hips' centre stands `foot_offset` ahead of that point, so the feet are behind the hips by as much:
+    A16, the margin lost is reported. Height: mean foot height + H_COG; pitch: with the line from hind to front feet (A17).
     """
-    stand = before[standing, :2]
-    corners = (stand[0], stand[1], before[swinging[0], :2], after[swinging[1], :2])
-    centre = overlap_incentre(*corners) if cog.rule == "overlap" else overlap_median(*corners, cog.median_ratio)
-    feet = 0.5 * (before + after)
-    pitch = _ground_pitch(feet)
-    height = jnp.mean(feet[:, 2]) + params.hip_height
-    level = jnp.zeros_like(pitch)
-    pose = jnp.stack([centre[0] - params.foot_offset, centre[1], height, pitch, level, level])
+    return over(robot, gait, cog_point(cog, before, after, leg), 0.5 * (before + after), yaw)
 
-    def centred(_, pose):
-        return pose.at[1].set(centre[1] - com_offset(robot, pose, feet)[1])
 
-    return jax.lax.fori_loop(0, 2, centred, pose)  # the legs trail the sway by a fifth: two passes leave under 1 mm
+def over(
+    robot: Robot, gait: GaitParams, centre: Float[Array, "2"], feet: Float[Array, "leg 3"], yaw: Float[Array, ""]
+) -> Float[Array, "6"]:
+    """The pose over a point (x, y) [m]: fore and aft the hips' centre, across the centre of mass."""
+    height, level = jnp.mean(feet[:, 2]) + gait.hip_height, jnp.zeros_like(yaw)
+    turn = jnp.stack([_ground_pitch(feet, yaw), level, yaw])
+
+    def at(aside: Float[Array, ""]) -> Float[Array, "6"]:
+        """The pose so far to the left of the point."""
+        xy = centre + turned(jnp.stack([-gait.foot_offset, aside]), yaw)
+        return jnp.concatenate([xy, height[None], turn])
+
+    def centred(_, aside):
+        return -to_heading(com_offset(robot, at(aside), feet)[:2], yaw)[1]
+
+    return at(jax.lax.fori_loop(0, 2, centred, level))  # the legs trail the sway by a fifth: two passes leave under 1 mm
 
 
 def held_heights(heights: Float[Array, "n"], threshold: Float[ArrayLike, ""]) -> Float[Array, "n"]:
@@ -77,10 +96,10 @@ def held_heights(heights: Float[Array, "n"], threshold: Float[ArrayLike, ""]) ->
     return jax.lax.scan(hold, heights[0], heights)[1]
 
 
-def _ground_pitch(feet: Float[Array, "leg 3"]) -> Float[Array, ""]:
+def _ground_pitch(feet: Float[Array, "leg 3"], yaw: Float[Array, ""]) -> Float[Array, ""]:
     ahead = 0.5 * jnp.asarray(LEG_END, feet.dtype)
     along = jnp.sum(ahead[:, None] * feet, axis=0)
-    return jnp.arctan2(along[2], along[0])
+    return jnp.arctan2(along[2], to_heading(along[:2], yaw)[0])
 
 
 def lowering_needed(

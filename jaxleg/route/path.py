@@ -19,17 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxleg.conventions import HEADINGS
-from jaxleg.numerics import Code
-
-
-class PathStatus(Code):
-    """Outcome of a path search."""
-
-    OK = 0
-    NO_PATH = 1
-    START_BLOCKED = 2  # the start's cell is outside the map, or cannot be stood on under any heading
-    GOAL_BLOCKED = 3
-    TOO_LONG = 4  # more cells than asked for
+from jaxleg.status import Status
 
 
 class PathWeights(NamedTuple):
@@ -46,7 +36,7 @@ class BodyPath(NamedTuple):
     heading: Int[Array, "cell"]  # of the move that leaves a cell, in the order of `HEADINGS`
     length: Int[Array, ""]  # number of cells
     cost: Float[Array, ""]  # infinite without a path
-    status: Int[Array, ""]  # PathStatus
+    status: Int[Array, ""]  # Status
 
 
 def move_costs(
@@ -174,11 +164,11 @@ def find_path(
 
     _, (cells, heading) = jax.lax.scan(walk, jnp.where(jnp.isfinite(total), start, goal), length=longest)
     there = jnp.all(cells == goal[None], axis=1)
-    status = jnp.where(there[-1], PathStatus.OK, PathStatus.TOO_LONG)
-    status = jnp.where(jnp.isfinite(total), status, PathStatus.NO_PATH)
-    status = jnp.where(blocked[1], PathStatus.GOAL_BLOCKED, status)
-    status = jnp.where(blocked[0], PathStatus.START_BLOCKED, status)
-    length = jnp.where(status == PathStatus.OK, jnp.argmax(there) + 1, 0)
+    status = jnp.where(there[-1], Status.OK, Status.TOO_LONG)
+    status = jnp.where(jnp.isfinite(total), status, Status.NO_PATH)
+    status = jnp.where(blocked[1], Status.GOAL_BLOCKED, status)
+    status = jnp.where(blocked[0], Status.START_BLOCKED, status)
+    length = jnp.where(status == Status.OK, jnp.argmax(there) + 1, 0)
     return BodyPath(cells, heading, length.astype(jnp.int32), total, status.astype(jnp.int32))
 
 

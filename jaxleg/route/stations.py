@@ -1,32 +1,28 @@
-"""Stations along a body path: where the stance is to stand in each half cycle, and how it turns. Paper C, 3.1 (C10b).
+"""Stations of a route: where the stance is to stand in each half cycle, and how it turns. Paper A, IV.A; C, 3.1 (C10b).
 
 The path's text has no rule for turning. Reading: the stance turns about its centre by a bounded angle a half cycle towards
 the path's direction, and goes on along the path only as far as the turn leaves of a foot's stride; where the path turns more
 sharply than that, the robot moves sideways for a while (crabs).
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from jaxleg.gait.params import GaitParams
+from jaxleg.rotations import turned
 
-class Route(NamedTuple):
+
+class Line(NamedTuple):
     """A smoothed path at equal spacing, good up to `length`; beyond it its end goes on."""
 
     xy: Float[Array, "sample 2"]  # in W [m]
     direction: Float[Array, "sample"]  # of travel, without jumps by a full turn [rad]
     spacing: Float[Array, ""]  # [m]
     length: Float[Array, ""]  # [m]
-
-
-class Stride(NamedTuple):
-    """How far the stance moves and turns."""
-
-    step_length: Float[Array, ""]  # L_Step: a foot's way relative to the trunk in a cycle [m]
-    turn: Float[Array, ""]  # most in a cycle [rad]
-    foot_radius: Float[Array, ""]  # from the stance's centre to a foot: what a turn costs of the stride [m]
 
 
 class Stations(NamedTuple):
@@ -37,9 +33,9 @@ class Stations(NamedTuple):
     count: Int[Array, ""]  # half cycles until the stance has arrived
 
 
-def smooth_route(
+def smoothed(
     points: Float[Array, "point 2"], length: Int[Array, ""], spacing: Float[Array, ""], window: Float[Array, ""], samples: int
-) -> Route:
+) -> Line:
     """A path's points (the first `length` are good) [m], averaged over a sliding window [m] and resampled at equal spacing.
 
     The window shrinks towards both ends, which stay where they are. Direction: from the path half a window behind to half a
@@ -57,7 +53,7 @@ def smooth_route(
     xy = jnp.mean(_along(points, along, at), axis=1)
     reach = jnp.maximum(0.5 * window, spacing)
     chord = _along(points, along, jnp.minimum(way + reach, total)) - _along(points, along, jnp.maximum(way - reach, 0.0))
-    return Route(xy, jnp.unwrap(jnp.arctan2(chord[:, 1], chord[:, 0])), spacing, total)
+    return Line(xy, jnp.unwrap(jnp.arctan2(chord[:, 1], chord[:, 0])), spacing, total)
 
 
 def _along(points, along, at):
@@ -65,27 +61,50 @@ def _along(points, along, at):
     return jnp.stack([jnp.interp(at, along, points[:, axis]) for axis in (0, 1)], axis=-1)
 
 
-def stations(route: Route, stride: Stride, yaw: Float[Array, ""], count: int) -> Stations:
-    """`count` stations from the route's start, where the stance stands at `yaw` [rad]."""
-    step, turn = 0.5 * stride.step_length, 0.5 * stride.turn
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class Straight:
+    """The straight route along a heading: a stance that goes on by half a step a half cycle. Paper A, IV.A."""
 
-    def onward(carry, _):
-        """Half a cycle further along the route, less what the turn takes of the feet's way."""
-        way, yaw = carry
-        ahead = _at(route, jnp.minimum(way + step, route.length))
-        wanted = jnp.arctan2(jnp.sin(ahead[2] - yaw), jnp.cos(ahead[2] - yaw))
-        turned = jnp.clip(wanted, -turn, turn)
-        left = jnp.maximum(step - stride.foot_radius * jnp.abs(turned), 0.25 * step)
-        after = (jnp.minimum(way + left, route.length), yaw + turned)
-        return after, (way, yaw)
+    heading: Float[Array, "*batch"]  # [rad]
 
-    start = (jnp.zeros_like(yaw), yaw)
-    way, yaws = jax.lax.scan(onward, start, length=count)[1]
-    arrived = jnp.sum(way < route.length - 1e-6)
-    return Stations(jax.vmap(_at, in_axes=(None, 0))(route, way)[:, :2], yaws, arrived.astype(jnp.int32))
+    def stations(self, gait: GaitParams, line: None, count: int) -> Stations:
+        """`count` stations; the stance that the walk begins in, its right feet at the first station and its left ones at the
+        second, is centred on the origin."""
+        del line
+        ahead = (0.5 * jnp.arange(count, dtype=gait.step_length.dtype) - 0.25) * gait.step_length
+        xy = turned(jnp.stack([ahead, jnp.zeros_like(ahead)], axis=-1), self.heading)
+        return Stations(xy, jnp.full(count, self.heading), jnp.asarray(count, jnp.int32))
 
 
-def _at(route: Route, way):
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class Along:
+    """The route along a body path."""
+
+    turn: Float[Array, "*batch"]  # most that the stance turns in a cycle [rad]
+
+    def stations(self, gait: GaitParams, line: Line, count: int) -> Stations:
+        """`count` stations from the line's start, where the stance stands along it."""
+        step, turn = 0.5 * gait.step_length, 0.5 * self.turn
+        radius = 0.5 * jnp.hypot(gait.stance_length, gait.stance_width)  # what a turn costs a foot of its stride
+
+        def onward(carry, _):
+            """Half a cycle further along the line, less what the turn takes of the feet's way."""
+            way, yaw = carry
+            ahead = _at(line, jnp.minimum(way + step, line.length))
+            wanted = jnp.arctan2(jnp.sin(ahead[2] - yaw), jnp.cos(ahead[2] - yaw))
+            turned_by = jnp.clip(wanted, -turn, turn)
+            left = jnp.maximum(step - radius * jnp.abs(turned_by), 0.25 * step)
+            return (jnp.minimum(way + left, line.length), yaw + turned_by), (way, yaw)
+
+        yaw = line.direction[0]
+        way, yaws = jax.lax.scan(onward, (jnp.zeros_like(yaw), yaw), length=count)[1]
+        arrived = jnp.sum(way < line.length - 1e-6)
+        return Stations(jax.vmap(_at, in_axes=(None, 0))(line, way)[:, :2], yaws, arrived.astype(jnp.int32))
+
+
+def _at(route: Line, way):
     """(x, y, direction) of the route at a way along it."""
     place = way / route.spacing
     low = jnp.clip(place.astype(jnp.int32), 0, route.direction.shape[0] - 2)

@@ -9,7 +9,8 @@ from jaxtyping import Array
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import LEAST_LOAD, Lab
-from jaxleg.walk.data import PlanChecks, PlanStatus
+from jaxleg.status import Status
+from jaxleg.walk.data import PlanChecks
 
 LEAST_MARGIN = 0.02  # static walking needs some stability margin [m]
 
@@ -47,7 +48,7 @@ def random_gaits(
 
 def feasible(checks: PlanChecks) -> np.ndarray:
     """Planned, knee bend kept without lowering, some stability margin, torques and joints in limits, no foot near lifting."""
-    stands = (checks.status == PlanStatus.OK) & (checks.margin > LEAST_MARGIN) & (checks.torque_ratio < 1.0)
+    stands = (checks.status == Status.OK) & (checks.margin > LEAST_MARGIN) & (checks.torque_ratio < 1.0)
     return np.asarray(stands & (checks.lowering == 0.0) & (checks.load > LEAST_LOAD) & (checks.joint_room >= 0.0))
 
 

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from jaxleg.gait.params import GaitParams
+from jaxleg.gait.support import CogRule
 from jaxleg.leg.energy import Convention
-from jaxleg.posture.incentre import CogRule
 from jaxleg.settings import setting
 from jaxleg.walk.config import Navigation
 

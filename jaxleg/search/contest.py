@@ -9,7 +9,8 @@ from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search.config import PARAMETERS
 from jaxleg.search.lanes import CONSTRAINTS, Score
 from jaxleg.sim.rollout import Meters
-from jaxleg.walk.data import PlanChecks, PlanStatus
+from jaxleg.status import Status
+from jaxleg.walk.data import PlanChecks
 
 BEND_SLACK = np.deg2rad(0.2)  # a knee bend or a joint's range counts as kept down to this much beyond the limit
 BINDING = (np.deg2rad(0.5), 0.005, 0.05, 0.05, np.deg2rad(0.5), 0.01, 0.01, 0.01, 0.005)
@@ -56,7 +57,7 @@ def contest(score: Score, meters: Meters, least_bend: np.ndarray, contestants: i
 def keeps_limits(checks: PlanChecks, least_bend: Any) -> Any:
     """Whether a plan can be walked with its knees bent enough [rad] and its joints within their ranges."""
     within = (checks.knee_bend >= least_bend - BEND_SLACK) & (checks.joint_room >= -BEND_SLACK)
-    return within & (checks.status == PlanStatus.OK)
+    return within & (checks.status == Status.OK)
 
 
 def bootstrap(values: np.ndarray, statistic, resamples: int, seed: int) -> dict[str, Any]:

@@ -10,8 +10,8 @@ import optax
 from jaxtyping import Array, Float, Int
 
 from jaxleg.numerics import foreign
-from jaxleg.planner import Site
 from jaxleg.search.lanes import Lab, Setting
+from jaxleg.terrain.site import Site
 
 
 class Descent(NamedTuple):

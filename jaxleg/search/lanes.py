@@ -19,16 +19,21 @@ from jaxleg.batch import in_chunks, on_devices, over_lanes
 from jaxleg.foothold.rectangle import Extent, SearchRectangle
 from jaxleg.gait.limits import gait_constraints
 from jaxleg.gait.params import GaitParams
+from jaxleg.gait.support import CogRule
 from jaxleg.leg.energy import CONVENTIONS, Convention, Power, electrical
-from jaxleg.planner import Choice, Site, choose_footholds, crawl
-from jaxleg.posture.incentre import CogPlan
+from jaxleg.planner import Planner
 from jaxleg.robot import Robot
+from jaxleg.route.stations import Stations
 from jaxleg.search.config import Cog
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
 from jaxleg.sim.rollout import Meters, simulate
-from jaxleg.walk.crawl import CrawlSettings
-from jaxleg.walk.data import PlanChecks, Reference
+from jaxleg.terrain.site import Site
+from jaxleg.walk.build import walk as build
+from jaxleg.walk.choices import Choices
+from jaxleg.walk.choose import choose
+from jaxleg.walk.data import PlanChecks, Reference, Walk
+from jaxleg.walk.presets import paper_a
 from jaxleg.walk.proxy import checks as plan_checks
 from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import instants, to_reference
@@ -102,26 +107,33 @@ class Lab:
         with jax.ensure_compile_time_eval():
             return mjx_engine(self.robot)
 
-    def settings(self, least_bend: Float[Array, ""]) -> CrawlSettings:
-        """Planner settings at a least knee bend [rad]."""
-        numbers = (jnp.asarray(x, least_bend.dtype) for x in (self.speed, self.clearance, self.load_share))
-        speed, clearance, load_share = numbers
+    def planner(self, params: GaitParams, least_bend: Float[Array, ""]) -> Planner:
+        """Paper A's planner with a gait, at a least knee bend [rad]."""
         ratio, threshold = (jnp.asarray(x, least_bend.dtype) for x in (self.cog.median_ratio, self.cog.height_threshold))
-        return CrawlSettings(speed, least_bend, clearance, load_share, CogPlan(ratio, threshold, self.cog.rule))
+        numbers = self.speed, least_bend, self.clearance, self.load_share, threshold
+        return paper_a(params, self.rectangle, self.extent, CogRule(ratio, self.cog.rule), *numbers)
 
-    def walk(self, params: GaitParams, site: Site, choice: Choice, least_bend: Float[Array, ""]):
+    def stations(self, params: GaitParams, least_bend: Float[Array, ""], cycles: int = CYCLES) -> Stations:
+        """Stations of a walk of so many cycles."""
+        return self.planner(params, least_bend).route.stations(params, None, 2 * cycles + 2)
+
+    def walk(self, params: GaitParams, site: Site, choice: Choices, least_bend: Float[Array, ""]) -> Walk:
         """The walk of one lane with its footholds chosen."""
-        return crawl(self.robot, params, self.settings(least_bend), site.terrain, choice.offset, choice.status)
+        cycles = choice.adjust.shape[0] // 4
+        return build(self.planner(params, least_bend), self.robot, site, self.stations(params, least_bend, cycles), choice)
 
-    def choose(self, vector: Float[Array, "parameter"], site: Site, least_bend: Float[Array, ""]) -> Choice:
+    def choose(
+        self, vector: Float[Array, "parameter"], site: Site, least_bend: Float[Array, ""], cycles: int = CYCLES
+    ) -> Choices:
         """The footholds of one lane; no gradient."""
         params = to_params(vector)
-        return choose_footholds(self.robot, params, least_bend, self.rectangle, site, self.extent, CYCLES)
+        stations = self.stations(params, least_bend, cycles)
+        return choose(self.planner(params, least_bend), self.robot, site, stations, 4 * cycles)[0]
 
-    def proxy(self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting) -> Score:
+    def proxy(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> Score:
         """Judge one lane by the energy proxy of its walk."""
         params = to_params(vector)
-        seen = evaluate(self.robot, self.walk(params, site, choice, setting.least_bend), self.settings(setting.least_bend))
+        seen = evaluate(self.robot, self.walk(params, site, choice, setting.least_bend))
         energy = per_metre(seen.energy, seen.distance)
         slack = self.slack(params, seen.checks, setting)
         lowered = 0.1 * seen.checks.lowering**2  # among equals, the height that needs no lowering
@@ -135,12 +147,12 @@ class Lab:
         of_plan = (checks.knee_bend - setting.least_bend, checks.margin - setting.margin, 1.0 - checks.torque_ratio)
         return jnp.stack([*of_plan, checks.load - LEAST_LOAD, checks.joint_room, *gait])
 
-    def plan(self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting) -> LanePlan:
+    def plan(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> LanePlan:
         """The plan of one lane, sampled for the simulation. Differentiable in `vector`, the footholds held."""
-        params, settings = to_params(vector), self.settings(setting.least_bend)
+        params = to_params(vector)
         walk = self.walk(params, site, choice, setting.least_bend)
-        time, at = instants(self.robot, walk, settings, self.samples)
-        checks = plan_checks(self.robot, walk, at)
+        time, at = instants(self.robot, walk, self.samples)
+        checks = plan_checks(self.robot, walk, at, jnp.ones(time.shape, bool))
         return LanePlan(to_reference(time, at), self.slack(params, checks, setting), checks)
 
     def followed(self, plan: LanePlan, site: Site, setting: Setting) -> tuple[Score, Meters]:
@@ -151,7 +163,7 @@ class Lab:
         return Score(objective, energy, plan.slack, plan.checks), meters
 
     def simulated(
-        self, vector: Float[Array, "parameter"], site: Site, choice: Choice, setting: Setting
+        self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting
     ) -> tuple[Float[Array, ""], tuple[Score, Meters]]:
         """The objective of one lane by MJX, and what it came from. Differentiable in `vector`."""
         score, meters = self.followed(self.plan(vector, site, choice, setting), site, setting)

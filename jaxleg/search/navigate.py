@@ -20,8 +20,9 @@ from jaxleg.search.config import PARAMETERS, Gait, Study
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
 from jaxleg.sim.follow import Followed, follow, landing_errors
+from jaxleg.status import Status
 from jaxleg.terrain.heightmap import HeightMap, nearest_cell
-from jaxleg.walk.navigation import NavigationStatus, Navigator, Planned, Survey, Walked, make_navigator
+from jaxleg.walk.navigation import Navigator, Planned, Survey, Walked, make_navigator
 
 MOST = 8  # maps that a device works on at once
 
@@ -51,18 +52,18 @@ def navigate(
     """Plan a walk on every map, and how many detours each took. A lane stuck with every path keeps its last status."""
     share = layout(len(start), MOST)
     walk, detour = over_lanes(navigator.walk, *share), over_lanes(navigator.detour, *share)
-    closed = np.zeros(surveys.scene.valid.shape, bool)
+    closed = np.zeros(surveys.site.valid.shape, bool)
     walked = walk(surveys, start, goal, closed)
     detours = np.zeros(len(closed), int)
     for _ in range(navigator.settings.path.detours):
-        lost = np.flatnonzero(np.isin(walked.status, (NavigationStatus.DEAD_END, NavigationStatus.BUDGET)))
+        lost = np.flatnonzero(np.isin(walked.status, (Status.DEAD_END, Status.BUDGET)))
         if not len(lost):
             break
         part = _take((surveys, walked), lost)
-        closed[lost] = detour(part[0].scene.terrain, part[1], closed[lost])
+        closed[lost] = detour(part[0].site.terrain, part[1], closed[lost])
         again = walk(part[0], start[lost], goal[lost], closed[lost])
-        found = again.status <= NavigationStatus.OK
-        retry = found | np.isin(again.status, (NavigationStatus.DEAD_END, NavigationStatus.BUDGET))
+        found = again.status <= Status.OK
+        retry = found | np.isin(again.status, (Status.DEAD_END, Status.BUDGET))
         detours[lost[retry]] += 1
         walked = _put(walked, lost[retry], _take(again, retry))
         closed[lost[~retry]] = True  # no other path is left: the dead end stays its cause
@@ -79,7 +80,7 @@ def simulate_all(
 ) -> Outcome:
     """Follow every plan in MJX; lanes without a plan stand. Lanes of about the same length run together."""
     count = len(goal)
-    length = np.where(walked.status == NavigationStatus.OK, walked.count, 0)
+    length = np.where(walked.status == Status.OK, walked.choices.count, 0)
     share = layout(count, MOST)
     order, group = np.argsort(length, kind="stable"), int(np.prod(share))
     plan = over_lanes(navigator.planned, *share)
@@ -92,7 +93,7 @@ def simulate_all(
         planned = plan(*part)
         time = planned.reference.time[np.arange(len(lanes)), planned.last]
         ticks = np.int32(np.ceil(time.max(initial=0.0) / navigator.settings.pace.tick) + 1)
-        parts.append(run(part[0].scene.terrain, planned, goal[lanes], common=(ticks,)))
+        parts.append(run(part[0].site.terrain, planned, goal[lanes], common=(ticks,)))
     back = np.argsort(order)
     return jax.tree.map(lambda *x: np.concatenate(x)[back], *parts)
 
@@ -118,14 +119,14 @@ def _simulated(navigator: Navigator, engine: Engine, ground: Ground, ticks, terr
 def on_valid_cells(surveys: Survey, walked: Walked) -> Bool[np.ndarray, "map"]:
     """Whether every foothold of a walk, from its first stance on, is the centre of a valid cell."""
 
-    def lane(terrain: HeightMap, valid, states, count):
-        cell = nearest_cell(terrain, states.feet[..., :2])
-        centre = terrain.origin[None, None] + terrain.resolution * cell.astype(states.feet.dtype)
-        fine = valid[cell[..., 0], cell[..., 1]] & (jnp.max(jnp.abs(centre - states.feet[..., :2]), axis=-1) < 1e-3)
+    def lane(terrain: HeightMap, valid, feet, count):
+        cell = nearest_cell(terrain, feet[..., :2])
+        centre = terrain.origin[None, None] + terrain.resolution * cell.astype(feet.dtype)
+        fine = valid[cell[..., 0], cell[..., 1]] & (jnp.max(jnp.abs(centre - feet[..., :2]), axis=-1) < 1e-3)
         return jnp.all(fine | (jnp.arange(fine.shape[0], dtype=count.dtype) > count)[:, None])
 
     return over_lanes(lane, *layout(len(walked.status), MOST))(
-        surveys.scene.terrain, surveys.scene.valid, walked.states, walked.count
+        surveys.site.terrain, surveys.site.valid, walked.walk.feet, walked.choices.count
     )
 
 

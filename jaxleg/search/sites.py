@@ -8,11 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
-from jaxleg.planner import Site
+from jaxleg.posture.collision import Sizes, robot_obstacles
+from jaxleg.robot import Robot
 from jaxleg.search.config import Kind, Study, Terrains
 from jaxleg.terrain.features import FeatureSettings, traversability
 from jaxleg.terrain.generators import BATCH, Grid, TerrainSettings, terrain_batch
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.terrain.site import Site
 from jaxleg.terrain.validity import valid_cells
 
 HELD_OUT = 1_000_000  # number of the first held-out terrain: training never comes that far
@@ -23,7 +25,7 @@ def share(total: int, kinds: int, index: int) -> int:
     return total // kinds + (index < total % kinds)
 
 
-def make_sites(study: Study, foot_radius: float, kind: str, held_out: bool) -> Site:
+def make_sites(study: Study, robot: Robot, kind: str, held_out: bool) -> Site:
     """All training or held-out sites of a kind, with a leading axis; difficulties evenly spread over the kind's range.
 
     Copies of one ground, as of a kind that nothing is random in, are left out: they would be counted as so many.
@@ -35,7 +37,7 @@ def make_sites(study: Study, foot_radius: float, kind: str, held_out: bool) -> S
     key = jax.random.fold_in(jax.random.key(study.seed), names.index(kind))
     difficulties = jnp.asarray(_spread(table, count), float)
     first = HELD_OUT if held_out else 0
-    sites = _build(table.generator, grid(study), first, terrain_settings(table), foot_radius, maps, key, difficulties)
+    sites = _build(table.generator, grid(study), first, terrain_settings(table), Sizes.of(robot), maps, key, difficulties)
     kept = first_of_each(np.asarray(sites.terrain.elevation))
     return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[kept]), sites)
 
@@ -52,10 +54,15 @@ def first_of_each(rows: np.ndarray) -> np.ndarray:
 
 
 @functools.partial(jax.jit, static_argnums=range(6))
-def _build(generator, grid, first, settings, foot_radius, maps, key, difficulties):
-    terrain = terrain_batch(generator, grid, key, first, difficulties, settings)
-    valid = functools.partial(foothold_cells, grid.resolution, foot_radius, maps)
-    return Site(terrain, jax.lax.map(valid, terrain, batch_size=BATCH))
+def _build(generator, grid, first, settings, sizes, maps, key, difficulties):
+    terrain = jax.lax.optimization_barrier(terrain_batch(generator, grid, key, first, difficulties, settings))  # or XLA folds flat ground
+    return jax.lax.map(functools.partial(site_of, maps, sizes, grid.resolution), terrain, batch_size=BATCH)
+
+
+def site_of(maps: Terrains, sizes: Sizes, resolution: float, terrain: HeightMap) -> Site:
+    """A map as a study lets it be walked on; all but the map is static, `resolution` is the map's [m per cell]."""
+    valid = foothold_cells(resolution, sizes.foot_radius, maps, terrain)
+    return Site(terrain, valid, robot_obstacles(sizes, terrain, resolution))
 
 
 def foothold_cells(resolution: float, foot_radius: float, maps: Terrains, terrain: HeightMap) -> Bool[Array, "nx ny"]:

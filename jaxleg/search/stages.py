@@ -20,7 +20,7 @@ from jaxleg.search.sites import make_sites
 def training_lanes(state: Run, kind: str) -> Lanes:
     """Training sites of a kind; each lane's baseline energy and its margin floor are those of `traditional` there."""
     began = time.perf_counter()
-    site = make_sites(state.study, float(state.robot.foot_radius), kind, held_out=False)
+    site = make_sites(state.study, state.robot, kind, held_out=False)
     count = site.valid.shape[0]
     bend = jnp.full(count, np.deg2rad(state.study.kinds[kind].least_knee_bend_deg), float)
     setting = Setting(bend, jnp.full(count, UNBOUND, float), jnp.ones(count, float))

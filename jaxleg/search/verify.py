@@ -18,7 +18,7 @@ from jaxleg.search.sites import make_sites, share
 
 def held_out_lanes(state: Run, kind: str, best: np.ndarray) -> tuple[np.ndarray, Lanes]:
     """All contestants on all held-out terrains of a kind, contestant by contestant."""
-    site = make_sites(state.study, float(state.robot.foot_radius), kind, held_out=True)
+    site = make_sites(state.study, state.robot, kind, held_out=True)
     vectors, count = contestants(state.study, kind, best), site.valid.shape[0]
     bend = np.deg2rad(state.study.kinds[kind].least_knee_bend_deg)
     numbers = (jnp.full(count, x, float) for x in (bend, UNBOUND, 1.0))
@@ -66,7 +66,7 @@ def check_proxy(state: Run) -> dict[str, Any]:
         """Both engines' energies and gradients at random feasible gaits of all kinds."""
         parts = []
         for kind, count in zip(kinds, counts):
-            site = make_sites(study, float(state.robot.foot_radius), kind, held_out=False)
+            site = make_sites(study, state.robot, kind, held_out=False)
             size = site.valid.shape[0]
             bend = np.deg2rad(study.kinds[kind].least_knee_bend_deg)
             lanes = Lanes(site, Setting(*(jnp.full(size, x, float) for x in (bend, UNBOUND, 1.0))))

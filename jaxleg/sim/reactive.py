@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.control.tracking import Tracking
-from jaxleg.gait.order import SHIFT, SWING_LEG
+from jaxleg.gait.order import SHIFT
 from jaxleg.numerics import matvec, smoothstep
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
@@ -22,9 +22,8 @@ from jaxleg.sim.sensing import felt_forces
 from jaxleg.sim.step import advance, initial_state
 from jaxleg.swing.machine import Machine, Mode
 from jaxleg.terrain.heightmap import HeightMap
-from jaxleg.walk.crawl import CrawlSettings
 from jaxleg.walk.data import Walk
-from jaxleg.walk.reference import instant, instant_of, pose_at, to_reference
+from jaxleg.walk.reference import instant_of, phase_instant, pose_at, to_reference
 from jaxleg.walk.trajectory import load_weight, trunk_path
 
 
@@ -48,7 +47,6 @@ class _Orders(NamedTuple):
 
     robot: Robot
     walk: Walk
-    settings: CrawlSettings
     machine: Machine
     feel: Feeling
 
@@ -69,15 +67,14 @@ def walk_reactively(
     ground: Ground,
     terrain: HeightMap,
     walk: Walk,
-    settings: CrawlSettings,
     machine: Machine,
     feel: Feeling,
     dt: Float[Array, ""],
     ticks: int,
 ) -> Tick:
     """Walk a plan on a terrain that its map may have wrong, for so many ticks of dt [s]."""
-    orders = _Orders(robot, walk, settings, machine, feel)
-    first = instant(robot, walk, settings, jax.tree.map(lambda x: x[0], walk.phases), 0.0)
+    orders = _Orders(robot, walk, machine, feel)
+    first = phase_instant(robot, jax.tree.map(lambda x: x[0], walk.phases), 0.0, walk.gait.lift_share, walk.load_share)
     start = initial_state(robot, ground, _one(first))
     trunk = watch_trunk(robot, terrain, start, first.feet)
 
@@ -96,7 +93,7 @@ def walk_reactively(
         mode = jnp.where(moving, gait.swing.state.mode, -1)
         tick = Tick(
             *(gait.phase, mode, gait.swing.state.adjustments, contact & moving),
-            *(seen.normal_force, felt, seen.foot, state.q[:3], ok, upcoming.phase >= walk.phases.start.shape[0]),
+            *(seen.normal_force, felt, seen.foot, state.q[:3], ok, upcoming.phase >= _count(walk)),
         )
         return (state, upcoming, felt, ok), tick
 
@@ -119,15 +116,20 @@ def _at_first(orders: _Orders, first) -> _Gait:
 
 def _now(walk: Walk, gait: _Gait):
     """The phase's plan, its leg, and whether it swings one; after the walk the last pose, standing."""
-    count = walk.phases.start.shape[0]
+    count = _count(walk)
     index = jnp.minimum(gait.phase, count - 1)
-    leg = jnp.array(SWING_LEG * (count // len(SWING_LEG)))[index]
+    leg = jnp.array(walk.legs)[index]
     return jax.tree.map(lambda x: x[index], walk.phases), jnp.maximum(leg, 0), (leg != SHIFT) & (gait.phase < count)
+
+
+def _count(walk: Walk):
+    """Phases of a walk: those that are used come first."""
+    return jnp.sum(walk.used, dtype=jnp.int32)
 
 
 def _command(orders: _Orders, gait: _Gait, dt):
     """The leg under way, whether it moves, and what the joint controllers get."""
-    walk, load_share = orders.walk, orders.settings.load_share
+    walk, load_share = orders.walk, orders.walk.load_share
     phase, leg, swings = _now(walk, gait)
     moving = swings & (gait.clock >= load_share * phase.duration) & (gait.swing.state.mode < Mode.SUPPORTED)
 
@@ -135,7 +137,7 @@ def _command(orders: _Orders, gait: _Gait, dt):
         """Trunk (6,) and feet (4, 3) that are wanted so much later [s]."""
         share = jnp.minimum((gait.clock + later) / phase.duration, 1.0)  # the trunk only moves in shifts
         rise = gait.raised[0] + (gait.raised[1] - gait.raised[0]) * smoothstep(share)
-        rise = jnp.where(swings | (gait.phase >= walk.phases.start.shape[0]), gait.raised[1], rise)
+        rise = jnp.where(swings | (gait.phase >= _count(walk)), gait.raised[1], rise)
         trunk = trunk_path(phase, share) + jnp.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], rise.dtype) * rise
         foot = _foot(orders, gait, phase, leg, later)
         return trunk, jnp.where(moving, gait.held.at[leg].set(foot), gait.held)
@@ -149,18 +151,18 @@ def _command(orders: _Orders, gait: _Gait, dt):
 
 def _moved(orders: _Orders, phase):
     """Time in which the foot of a phase is planned to move [s]."""
-    return phase.duration * (1.0 - 2.0 * orders.settings.load_share)
+    return phase.duration * (1.0 - 2.0 * orders.walk.load_share)
 
 
 def _foot(orders: _Orders, gait: _Gait, phase, leg, later):
     """The moving foot a little later."""
-    machine, lift_share = bounded(orders.machine, gait.swing), orders.walk.params.lift_share
+    machine, lift_share = bounded(orders.machine, gait.swing), orders.walk.gait.lift_share
     return foot_at(machine, orders.feel, gait.swing, phase.apex[leg], lift_share, _moved(orders, phase), later)
 
 
 def _proceed(orders: _Orders, gait: _Gait, leg, moving, hips, force, dt) -> tuple[_Gait, Array]:
     """The walk a tick later, and whether the leg felt a contact."""
-    robot, walk, feel, share = orders.robot, orders.walk, orders.feel, orders.settings.load_share
+    robot, walk, feel, share = orders.robot, orders.walk, orders.feel, orders.walk.load_share
     phase = _now(walk, gait)[0]
     foot = _foot(orders, gait, phase, leg, dt)
     felt, contact = feel_on(bounded(orders.machine, gait.swing), feel, gait.swing, foot, force, _moved(orders, phase), dt)
@@ -169,7 +171,7 @@ def _proceed(orders: _Orders, gait: _Gait, leg, moving, hips, force, dt) -> tupl
     clock = jnp.where(moving, jnp.where(lands, (1.0 - share) * phase.duration, gait.clock), gait.clock + dt)
     held = jnp.where(moving, gait.held.at[leg].set(foot), gait.held)
     over = clock >= phase.duration
-    onward = (over & (gait.phase < walk.phases.start.shape[0])).astype(jnp.int32)
+    onward = (over & (gait.phase < _count(walk))).astype(jnp.int32)
     after = gait._replace(phase=gait.phase + onward, clock=jnp.where(over, 0.0, clock), held=held)
     upcoming, next_leg, next_swings = _now(walk, after)
     target, time = upcoming.feet_to[next_leg], _moved(orders, upcoming)

@@ -19,8 +19,9 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 from jaxleg.conventions import LEG_SIDE, LEGS, RING
 from jaxleg.foothold.cascade import FootholdStatus
 from jaxleg.foothold.rectangle import SearchRectangle, best_first, candidates, cells_around, extent_of, feasible_score
-from jaxleg.planner import Choice, Site
+from jaxleg.planner import Choice
 from jaxleg.terrain.heightmap import nearest_cell
+from jaxleg.terrain.site import Site
 from jaxleg.viz.style import (
     BLACK,
     BLUE,

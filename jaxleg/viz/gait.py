@@ -39,9 +39,9 @@ def gait(robot: Robot, walk: Walk, reference: Reference, terrain: HeightMap, pat
 
     Side: the ground under the left and the right feet, the feet's paths, trunk and legs at the start of each
     phase of the last cycle. Top: elevation, footholds, the last cycle's support triangles, way-points, the
-    paths of trunk and centre of mass. The plan must be finite (`PlanStatus.OK`).
+    paths of trunk and centre of mass. The plan must be finite (`Status.OK`).
     """
-    walk = Walk(walk.params, *jax.tree.map(np.asarray, walk[1:]))
+    walk = jax.tree.map(np.asarray, walk)
     reference = jax.tree.map(np.asarray, reference)
     posture = _posture(robot, reference)
     low, high = _extent(walk, posture)
@@ -132,7 +132,7 @@ def _top(ax: Axes, walk: Walk, reference: Reference, posture: Posture, low, high
             ax.add_patch(Polygon(corners, facecolor=PURPLE, edgecolor=PURPLE, alpha=0.14))
     ax.plot(*reference.trunk_pos[:, :2].T, color=BLACK, lw=1.2, ls=(0, (4, 2)))
     ax.plot(*posture.com[:, :2].T, color=BLACK, lw=1.6)
-    ax.plot(*walk.waypoints[:, :2].T, "D", color="white", mec=BLACK, ms=5)
+    ax.plot(*walk.poses[:, :2].T, "D", color="white", mec=BLACK, ms=5)
     for leg, colour in enumerate(LEG_COLOUR):
         ax.plot(*walk.footholds[:, leg, :2].T, "o", color=colour, mec=BLACK, mew=0.6, ms=7)
     ax.set_aspect("equal")

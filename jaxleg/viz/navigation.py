@@ -16,7 +16,7 @@ from jaxleg.conventions import LEGS, RING
 from jaxleg.gait.order import STEP_LEGS
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.viz.style import BLACK, BLUE, GREEN, GREY, LEG_COLOUR, ORANGE, PURPLE, WIDTH, blank, label, legend_below, save
-from jaxleg.walk.gaits import State
+from jaxleg.walk.feasible import Stance
 from jaxleg.walk.navigation import Walked
 
 EARTH = LinearSegmentedColormap.from_list("earth", ["#7d7a55", "#f7f5e6"]).with_extremes(bad=GREY)
@@ -56,7 +56,7 @@ class Look(NamedTuple):
     """A series of gaits that was searched looking so many steps ahead."""
 
     ahead: int  # [steps]
-    states: State  # NumPy arrays (stance, ...): before each step and at the end
+    states: Stance  # NumPy arrays (stance, ...): before each step and at the end
     stuck: bool
 
 
@@ -66,7 +66,7 @@ def trail(
     """The trail of one lane's plan and of its trunk (n, xyz...) [m], `simulated` or as planned."""
     cells = np.asarray(walked.path.cells)[: int(walked.path.length)]
     path = np.asarray(terrain.origin) + float(terrain.resolution) * cells
-    feet = np.asarray(walked.states.feet)[: int(walked.count) + 1, :, :2]
+    feet = np.asarray(walked.walk.feet)[: int(walked.choices.count) + 1, :, :2]
     return Trail(path, np.asarray(trunk)[:, :2], feet, np.asarray(start), np.asarray(goal), simulated)
 
 

@@ -37,7 +37,7 @@ def study_pictures(study: Study, lab: Lab, result: dict[str, Any], history_file:
 
 def _best_gait(study: Study, lab: Lab, result: dict[str, Any], plan: Callable[..., Any], kind: str, path: Path) -> None:
     """The best gait on the last held-out terrain of a kind; no picture where it cannot be planned."""
-    sites = make_sites(study, float(lab.robot.foot_radius), kind, held_out=True)
+    sites = make_sites(study, lab.robot, kind, held_out=True)
     site = jax.tree.map(lambda x: x[-1], sites)
     vector = jnp.asarray([result["best"][kind]["params"][name] for name in PARAMETERS], float)
     walk, track = plan(vector, site, jnp.asarray(np.deg2rad(study.kinds[kind].least_knee_bend_deg), float))
@@ -47,4 +47,4 @@ def _best_gait(study: Study, lab: Lab, result: dict[str, Any], plan: Callable[..
 
 def _plan(lab: Lab, vector: jax.Array, site: Any, bend: jax.Array) -> tuple[Walk, Reference]:
     walk = lab.walk(GaitParams(*vector), site, lab.choose(vector, site, bend), bend)
-    return walk, reference(lab.robot, walk, lab.settings(bend), lab.samples)
+    return walk, reference(lab.robot, walk, lab.samples)

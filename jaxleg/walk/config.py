@@ -2,10 +2,10 @@
 
 import dataclasses
 
-from jaxleg.posture.incentre import CogRule
+from jaxleg.gait.support import CogPoint
+from jaxleg.series.kinds import Order
 from jaxleg.settings import setting
 from jaxleg.terrain.cost_map import CostSettings
-from jaxleg.walk.gaits import Order
 
 ROUNDING = 1e-6  # of a sum that must be 1
 
@@ -55,7 +55,7 @@ class TreeSettings:
 class PoseSettings:
     """Trunk over the feet (C10, C11), and what a state must keep."""
 
-    rule: CogRule = setting("median", help="centre of gravity on the median (21), or in-centre of the triangles' overlap")
+    rule: CogPoint = setting("median", help="centre of gravity on the median (21), or in-centre of the triangles' overlap")
     median_ratio: float = setting(0.5, min=0.0, max=1.0, help="k of (21): 0 the diagonals' crossing, 1 the standing side")
     target_weight: float = setting(1.0, min=0.0, max=1.0, help="of the flying foot's target in the trunk's plane; 0 as printed")
     levelling: float = setting(0.0, min=0.0, max=1.0, help="part of the plane's tilt that the trunk does not follow")

@@ -1,48 +1,43 @@
-"""The data a plan is made of: gait parameters, the walk (footholds, way-points, phases) and its sampled reference."""
+"""The data a plan is made of: the walk (footholds, poses, phases) and its sampled reference."""
 
-from typing import NamedTuple
+import dataclasses
+from typing import NamedTuple, no_type_check
 
+import jax
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxleg.gait.order import SHIFT
 from jaxleg.gait.params import GaitParams
-from jaxleg.numerics import Code
+from jaxleg.gait.phases import Phases
 
 
-class PlanStatus(Code):
-    """Outcome of planning one lane; anything but `OK` is infeasible and is counted, never averaged over."""
+@no_type_check  # `tree.map` and `vmap` rebuild it with leaves of any shape
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class Walk:
+    """A planned walk; everything continuous is differentiable in the planner's numbers and the map.
 
-    OK = 0
-    NO_FOOTHOLD = 1
-    OUT_OF_REACH = 2  # even lowered, a foot is out of reach or the hip at or below the thigh's length over the feet
-    NOT_FINITE = 3  # e.g. the walk leaves the seen part of the map
-
-
-class Phases(NamedTuple):
-    """The phases of a walk, six a cycle: shift, hind swing, front swing for the right side, then for the left.
-
-    Trunk poses are (x, y, z, pitch, roll, yaw): B's origin in W [m] and its turn [rad], see `posture.trunk_rotation`.
+    A walk that was planned for `legs` may end before: after `count` steps everything stands, and `used` is false.
     """
 
-    start: Float[Array, "phase"]  # time at which the phase begins [s]
-    duration: Float[Array, "phase"]  # [s]
-    trunk_from: Float[Array, "phase 6"]
-    trunk_to: Float[Array, "phase 6"]
-    feet_from: Float[Array, "phase leg 3"]  # foot centres in W [m]
-    feet_to: Float[Array, "phase leg 3"]
-    apex: Float[Array, "phase leg"]  # swing apex above the higher end [m], 0 for standing legs
-    swings: Float[Array, "phase leg"]  # 1 for the leg that swings in this phase
-
-
-class Walk(NamedTuple):
-    """A planned walk of whole cycles; everything continuous is differentiable in the gait parameters and the map."""
-
-    params: GaitParams
+    gait: GaitParams
     footholds: Float[Array, "stance leg 3"]  # foot centres in W; stance 0 is where the walk begins
-    foothold_status: Int[Array, "stance leg"]
-    waypoints: Float[Array, "waypoint 6"]  # trunk pose before the first shift and after each
-    cycle_time: Float[Array, "cycle"]  # [s]
-    lowering: Float[Array, ""]  # how far the trunk was lowered below H_COG to fit the legs (A17) [m]
+    found: Int[Array, "stance leg"]  # FootholdStatus
+    poses: Float[Array, "pose 6"]  # of the trunk before the first step, then in each step's swing, then at the end
+    feet: Float[Array, "pose leg 3"]  # before each step, and at the end
+    count: Int[Array, ""]  # steps
+    way: Float[Array, ""]  # of the walk [m]
+    lowering: Float[Array, ""]  # how far the trunk was lowered below H_COG to fit the legs, at most (A17) [m]
     phases: Phases
+    used: Bool[Array, "phase"]
+    load_share: Float[Array, ""]  # part of a swing at either end in which the load is transferred
+    status: Int[Array, ""]  # Status
+    legs: tuple[int, ...] = dataclasses.field(metadata={"static": True})  # that swings in each phase, or `SHIFT`
+
+    @property
+    def steps(self) -> int:
+        """Swings that the phases have room for."""
+        return sum(leg != SHIFT for leg in self.legs)
 
 
 class Reference(NamedTuple):
@@ -68,17 +63,4 @@ class PlanChecks(NamedTuple):
     load: Float[Array, ""]  # least vertical force of a standing foot over a quarter of the weight: at 0 it lifts off
     joint_room: Float[Array, ""]  # least distance of a joint to the end of its range [rad]; negative: beyond it
     lowering: Float[Array, ""]  # [m]
-    status: Int[Array, ""]  # PlanStatus
-
-
-class Plan(NamedTuple):
-    """A walk and its reference."""
-
-    walk: Walk
-    reference: Reference
-    status: Int[Array, ""]  # PlanStatus
-
-
-def feasible(status: Int[Array, "*n"]) -> Bool[Array, "*n"]:
-    """Whether a `PlanStatus` says the plan can be walked."""
-    return status == PlanStatus.OK
+    status: Int[Array, ""]  # Status

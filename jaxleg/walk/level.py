@@ -6,14 +6,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxleg.conventions import GRAVITY, LEG_END, LEG_SIDE
-from jaxleg.leg.dynamics import Motion, all_leg_frames, torques_on_ground
+from jaxleg.conventions import LEG_END, LEG_SIDE
 from jaxleg.leg.kinematics import Reach, knee_bend, range_slack
+from jaxleg.planner import Planner
 from jaxleg.posture.body import joint_angles
-from jaxleg.posture.plane import stand_pose
 from jaxleg.robot import Robot
-from jaxleg.walk.candidates import outwards
-from jaxleg.walk.gaits import GaitPlan
+from jaxleg.series.candidates import outwards
+from jaxleg.walk.feasible import held_still
 
 
 class LevelStance(NamedTuple):
@@ -26,25 +25,25 @@ class LevelStance(NamedTuple):
     torque: Float[Array, "height"]  # greatest holding torque over its limit
 
 
-def level_stance(robot: Robot, plan: GaitPlan) -> LevelStance:
+def level_stance(robot: Robot, planner: Planner) -> LevelStance:
     """The gait's stance, all four feet loaded, at rest."""
-    x, y = (jnp.asarray(side, plan.stance_length.dtype) for side in (LEG_END, LEG_SIDE))
-    feet = jnp.stack([0.5 * x * plan.stance_length, 0.5 * y * plan.stance_width, jnp.zeros_like(x)], axis=1)
+    gait = planner.gait
+    x, y = (jnp.asarray(side, gait.stance_length.dtype) for side in (LEG_END, LEG_SIDE))
+    feet = jnp.stack([0.5 * x * gait.stance_length, 0.5 * y * gait.stance_width, jnp.zeros_like(x)], axis=1)
+    zero = jnp.zeros((), feet.dtype)
 
-    def at(height: Float[Array, ""]) -> LevelStance:
-        """The stance with the hips at one height [m]."""
-        zero = jnp.zeros_like(height)
-        angles, status = joint_angles(robot, stand_pose(robot, plan.pose, feet, jnp.stack([height, zero, zero]), zero), feet)
-        up, still = jnp.stack([zero, zero, zero + 1.0]), jnp.zeros_like(angles)
-        motion = Motion(still, still, jnp.zeros_like(up), jnp.zeros_like(up), GRAVITY * up)
-        torque, _ = torques_on_ground(robot, all_leg_frames(robot, angles), motion, jnp.ones_like(x), up)
+    def at(above: Float[Array, ""]) -> LevelStance:
+        """The stance with the hips so far above their default height [m]."""
+        pose = planner.posture.stand(robot, gait, feet, zero).at[2].add(above)
+        angles, status = joint_angles(robot, pose, feet)
+        torque, _ = held_still(robot, feet, pose, jnp.ones_like(x))
         return LevelStance(
-            height=height,
+            height=gait.hip_height + above,
             reach=jnp.all(status == Reach.OK),
             bend=jnp.min(jax.vmap(knee_bend)(robot.joint_axis, robot.link_offset, angles)),
             room=jnp.min(range_slack(robot.joint_range, angles)),
             torque=jnp.max(jnp.abs(torque) / robot.torque_limit),
         )
 
-    adjust = plan.adjustments
-    return jax.vmap(at)(adjust.height + adjust.height_step * jnp.asarray(outwards(plan.counts.heights), adjust.height.dtype))
+    adjust = planner.series.adjustments.height
+    return jax.vmap(at)(adjust * jnp.asarray(outwards(planner.series.counts.heights), adjust.dtype))

@@ -4,23 +4,25 @@ The integral over a cycle is a Gauss rule on each smooth piece of each phase, so
 gradients (a uniform grid aliases them). Differentiable in every continuous parameter; the discrete foothold choice is held.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxleg.conventions import GRAVITY
-from jaxleg.foothold.cascade import FootholdStatus
-from jaxleg.gait.order import SHIFT, SWING_LEG
+from jaxleg.gait.order import SHIFT
 from jaxleg.gait.support import stability_margin
 from jaxleg.leg.energy import Power, motor_power
 from jaxleg.leg.kinematics import Reach
 from jaxleg.robot import Robot
-from jaxleg.walk.crawl import CrawlSettings
-from jaxleg.walk.data import PlanChecks, PlanStatus, Walk
-from jaxleg.walk.reference import Instant, instant
+from jaxleg.status import Status
+from jaxleg.walk.data import PlanChecks, Walk
+from jaxleg.walk.reference import Instant, phase_instant
+
+BATCH = 512  # instants of a walk worked out together
 
 
 class Proxy(NamedTuple):
@@ -32,46 +34,58 @@ class Proxy(NamedTuple):
     checks: PlanChecks
 
 
-def evaluate(robot: Robot, walk: Walk, settings: CrawlSettings) -> Proxy:
-    """Energy and checks over all cycles of a walk; one lane, `vmap` outside."""
-    phase, share, weight = _nodes(settings.load_share, walk.cycle_time.shape[0])
-    phases = jax.tree.map(lambda x: x[phase], walk.phases)
-    at = jax.vmap(lambda p, s: instant(robot, walk, settings, p, s))(phases, share)
+def evaluate(robot: Robot, walk: Walk) -> Proxy:
+    """Energy and checks over all of a walk; one lane, `vmap` outside."""
+    phase, share, weight = _nodes(walk)
+    at = over_phases(lambda p, s: phase_instant(robot, p, s, walk.gait.lift_share, walk.load_share), walk, phase, share)
     power = motor_power(robot, at.torque, at.velocity)
-    seconds = weight * phases.duration
+    used = walk.used[phase]
+    seconds = jnp.where(used, weight * walk.phases.duration[phase], 0.0)
     energy = Power(*(jnp.sum(seconds[:, None, None] * p, axis=0) for p in power))
-    advance = walk.waypoints[-1, 0] - walk.waypoints[0, 0]
-    return Proxy(energy, advance, jnp.sum(walk.cycle_time), checks(robot, walk, at))
+    time = jnp.sum(jnp.where(walk.used, walk.phases.duration, 0.0))
+    return Proxy(energy, walk.way, time, checks(robot, walk, at, used))
 
 
-def checks(robot: Robot, walk: Walk, at: Instant) -> PlanChecks:
-    """Least knee bend, stability margin and so on over sampled instants (leading axis of `at`)."""
+def over_phases(function: Callable[..., Instant], walk: Walk, phase: np.ndarray, share: Float[Array, "n"]) -> Instant:
+    """A function (phase, share) at many places of a walk. Of a long walk some at a time, worked out again for the gradient: the
+    memory is that of `BATCH`."""
+    phases = jax.tree.map(lambda x: x[phase], walk.phases)
+    if len(phase) <= BATCH:
+        return jax.vmap(function)(phases, share)
+    return jax.lax.map(jax.checkpoint(lambda x: function(*x)), (phases, share), batch_size=BATCH)
+
+
+def checks(robot: Robot, walk: Walk, at: Instant, used: Bool[Array, "t"]) -> PlanChecks:
+    """Least knee bend, stability margin and so on over sampled instants (leading axis of `at`), those that are `used`."""
     feet, loaded = at.feet[..., :2], at.weight > 0.01
-    margin = jnp.min(jax.vmap(stability_margin)(at.com[:, :2], feet, loaded))
-    ratio = jnp.max(jnp.abs(at.torque) / robot.torque_limit[None])
-    load = jnp.min(jnp.where(loaded, at.load, jnp.inf)) / (0.25 * robot.mass * GRAVITY)
-    status = _status(robot, walk, at, margin + ratio + load)
-    return PlanChecks(jnp.min(at.bend), margin, ratio, load, jnp.min(at.room), walk.lowering, status)
+    margin = _least(jax.vmap(stability_margin)(at.com[:, :2], feet, loaded), used)
+    ratio = -_least(-jnp.abs(at.torque) / robot.torque_limit[None], used)
+    load = _least(jnp.where(loaded, at.load, jnp.inf), used) / (0.25 * robot.mass * GRAVITY)
+    status = _status(robot, walk, jnp.any(used[:, None] & (at.reach != Reach.OK)), margin + ratio + load)
+    return PlanChecks(_least(at.bend, used), margin, ratio, load, _least(at.room, used), walk.lowering, status)
 
 
-def _status(robot, walk, at, numbers):
-    low = walk.params.hip_height - walk.lowering <= -robot.link_offset[0, 1, 2]
-    outside = low | jnp.any(at.reach != Reach.OK) | jnp.any(walk.cycle_time <= 0.0)
-    missing = jnp.any(walk.foothold_status == FootholdStatus.NONE)
-    status = jnp.where(outside, PlanStatus.OUT_OF_REACH, PlanStatus.OK)
-    status = jnp.where(jnp.isfinite(numbers), status, PlanStatus.NOT_FINITE)
-    return jnp.where(missing, PlanStatus.NO_FOOTHOLD, status).astype(jnp.int32)
+def _least(values, used):
+    return jnp.min(jnp.where(used.reshape(-1, *[1] * (values.ndim - 1)), values, jnp.inf))
 
 
-def _nodes(load_share: Float[Array, ""], cycles: int):
+def _status(robot, walk, beyond, numbers):
+    low = walk.gait.hip_height - walk.lowering <= -robot.link_offset[0, 1, 2]
+    outside = low | beyond | jnp.any(walk.phases.duration <= 0.0)
+    status = jnp.where(outside, Status.KINEMATICS, Status.OK)
+    status = jnp.where(jnp.isfinite(numbers), status, Status.NOT_FINITE)
+    return jnp.where(walk.status == Status.OK, status, walk.status).astype(jnp.int32)
+
+
+def _nodes(walk: Walk):
     """Phase index, share and quadrature weight (in shares of the phase) of every node of a walk."""
-    phase, share, weight = [], [], []
-    for index, leg in enumerate(SWING_LEG * cycles):
-        for start, width, order in _pieces(load_share, swing=leg != SHIFT):
+    phase, share, weight, dtype = [], [], [], walk.load_share.dtype
+    for index, leg in enumerate(walk.legs):
+        for start, width, order in _pieces(walk.load_share, swing=leg != SHIFT):
             x, w = np.polynomial.legendre.leggauss(order)
             phase.append(np.full(order, index))
-            share.append(start + width * jnp.asarray((x + 1.0) / 2.0, dtype=load_share.dtype))
-            weight.append(width * jnp.asarray(w / 2.0, dtype=load_share.dtype))
+            share.append(start + width * jnp.asarray((x + 1.0) / 2.0, dtype=dtype))
+            weight.append(width * jnp.asarray(w / 2.0, dtype=dtype))
     return np.concatenate(phase), jnp.concatenate(share), jnp.concatenate(weight)
 
 

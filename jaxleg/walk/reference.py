@@ -7,18 +7,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jaxleg.conventions import GRAVITY
-from jaxleg.gait.order import SHIFT, SWING_LEG
+from jaxleg.gait.order import SHIFT
+from jaxleg.gait.phases import Phases
 from jaxleg.leg.dynamics import Motion, all_leg_frames, centre_of_mass, torques_on_ground
 from jaxleg.leg.kinematics import joint_rates, knee_bend, range_slack
 from jaxleg.numerics import cross, dot, matvec
 from jaxleg.posture.body import joint_angles
 from jaxleg.robot import Robot
 from jaxleg.rotations import trunk_quaternion, trunk_rotation, trunk_spin
-from jaxleg.walk.crawl import CrawlSettings
-from jaxleg.walk.data import Phases, Reference, Walk
+from jaxleg.walk.data import Reference, Walk
 from jaxleg.walk.trajectory import foot_path, load_weight, trunk_path
 
 
@@ -49,11 +49,6 @@ class Instant(NamedTuple):
     bend: Float[Array, "leg"]  # knee bend [rad]
     room: Float[Array, "leg"]  # least distance of a joint to the end of its range [rad]; negative: beyond it
     reach: jax.Array  # `Reach` a leg
-
-
-def instant(robot: Robot, walk: Walk, settings: CrawlSettings, phase: Phases, share: Float[ArrayLike, ""]) -> Instant:
-    """The reference at a share of one phase of a crawl, as `phase_instant`."""
-    return phase_instant(robot, phase, share, walk.params.lift_share, settings.load_share)
 
 
 def phase_instant(
@@ -118,47 +113,40 @@ def _trunk_motion(pose, rate, acceleration):
     return spin, spin_rate, matvec(jnp.swapaxes(trunk_rotation(pose[3:]), 0, 1), felt)
 
 
-def reference(robot: Robot, walk: Walk, settings: CrawlSettings, samples: tuple[int, int]) -> Reference:
+def reference(robot: Robot, walk: Walk, samples: tuple[int, int]) -> Reference:
     """Sample a walk: so many samples a body shift and a swing (the same in every one), plus the end point.
 
     The samples keep their place in the phase whatever its duration, so none crosses a phase's border when parameters
-    change: everything that follows the reference stays differentiable in the phases' shares.
+    change: everything that follows the reference stays differentiable in the phases' durations.
     """
-    return to_reference(*instants(robot, walk, settings, samples))
+    return to_reference(*instants(robot, walk, samples))
 
 
-def instants(robot: Robot, walk: Walk, settings: CrawlSettings, samples: tuple[int, int]) -> tuple[Float[Array, "t"], Instant]:
+def instants(robot: Robot, walk: Walk, samples: tuple[int, int]) -> tuple[Float[Array, "t"], Instant]:
     """Times [s] of the samples of `reference`, and everything about the plan at them."""
-    legs = SWING_LEG * walk.cycle_time.shape[0]
-    return phase_instants(robot, walk.phases, legs, walk.params.lift_share, settings.load_share, samples)
-
-
-def phase_instants(
-    robot: Robot,
-    phases: Phases,
-    legs: tuple[int, ...],
-    lift_share: Float[ArrayLike, ""],
-    load_share: Float[ArrayLike, ""],
-    samples: tuple[int, int],
-) -> tuple[Float[Array, "t"], Instant]:
-    """Times [s] and instants of any phases, `legs` their swinging leg or `SHIFT`; so many samples a shift and a swing."""
-    phase, share = phase_samples(samples, legs)
-    phases, share = jax.tree.map(lambda x: x[phase], phases), jnp.asarray(share, phases.start.dtype)
-    at = jax.vmap(lambda p, s: phase_instant(robot, p, s, lift_share, load_share))(phases, share)
+    phase, share = phase_samples(samples, walk.legs)
+    phases, share = jax.tree.map(lambda x: x[phase], walk.phases), jnp.asarray(share, walk.phases.start.dtype)
+    at = jax.vmap(lambda p, s: phase_instant(robot, p, s, walk.gait.lift_share, walk.load_share))(phases, share)
     return phases.start + share * phases.duration, at
 
 
 def phase_samples(samples: tuple[int, int], legs: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Phase index and share of every sample of `phase_instants`."""
+    """Phase index and share of every sample of `instants`."""
     counts = [samples[0] if leg == SHIFT else samples[1] for leg in legs]
     phase = np.repeat(np.arange(len(legs)), counts)
     share = np.concatenate([np.arange(count) / count for count in counts])
     return np.append(phase, phase[-1]), np.append(share, 1.0)
 
 
-def samples_per_cycle(samples: tuple[int, int]) -> int:
-    """Number of intervals between the samples of one cycle."""
-    return 2 * samples[0] + 4 * samples[1]
+def last_sample(walk: Walk, samples: tuple[int, int]) -> Int[Array, ""]:
+    """The last sample of `instants` that takes part: the end of the last phase that is used."""
+    ends = np.cumsum([samples[0] if leg == SHIFT else samples[1] for leg in walk.legs])
+    return jnp.max(jnp.where(walk.used, jnp.asarray(ends, jnp.int32), 0))
+
+
+def samples_a_cycle(walk: Walk, samples: tuple[int, int]) -> int:
+    """Number of intervals between the samples of a cycle of four steps; `walk` holds whole cycles."""
+    return sum(samples[0] if leg == SHIFT else samples[1] for leg in walk.legs) * 4 // walk.steps
 
 
 def to_reference(time: Float[Array, "t"], at: Instant) -> Reference:

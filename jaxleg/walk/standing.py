@@ -4,12 +4,13 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Float
 
-from jaxleg.gait.order import PHASES
+from jaxleg.gait.order import PHASES, SWING_LEG
 from jaxleg.gait.params import GaitParams
+from jaxleg.gait.phases import Phases
 from jaxleg.robot import Robot
+from jaxleg.terrain.ground import on_ground
 from jaxleg.terrain.heightmap import HeightMap
-from jaxleg.walk.crawl import on_ground
-from jaxleg.walk.data import Phases, Reference, Walk
+from jaxleg.walk.data import Reference, Walk
 
 
 def stand_first(reference: Reference, seconds: float, samples: int) -> Reference:
@@ -47,5 +48,19 @@ def up_down(
     duration = jnp.full(PHASES, 1.0, feet.dtype) * seconds
     there, none = jnp.broadcast_to(feet, (PHASES, 4, 3)), jnp.zeros((PHASES, 4), feet.dtype)
     phases = Phases(jnp.cumsum(duration) - duration, duration, poses[:-1], poses[1:], there, there, none, none)
-    status = jnp.zeros((1, 4), jnp.int32)
-    return Walk(params, feet[None], status, poses, jnp.sum(duration)[None], jnp.zeros((), feet.dtype), phases)
+    zero, status = jnp.zeros((), feet.dtype), jnp.zeros((1, 4), jnp.int32)
+    return Walk(
+        gait=params,
+        footholds=feet[None],
+        found=status,
+        poses=poses,
+        feet=feet[None],
+        count=status[0, 0],
+        way=zero,
+        lowering=zero,
+        phases=phases,
+        used=jnp.ones(PHASES, bool),
+        load_share=zero + 0.1,
+        status=status[0, 0],
+        legs=SWING_LEG,
+    )

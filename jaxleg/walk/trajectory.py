@@ -5,18 +5,18 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from jaxleg.gait.phases import Moves, Phases
 from jaxleg.numerics import smoothstep
 from jaxleg.swing.cycloid import swing_foot
-from jaxleg.walk.data import Phases
 
 
-def trunk_path(phase: Phases, share: Float[ArrayLike, ""]) -> Float[Array, "6"]:
+def trunk_path(phase: Moves | Phases, share: Float[ArrayLike, ""]) -> Float[Array, "6"]:
     """Trunk pose (x, y, z, pitch) at a share of one phase: rest to rest with minimum jerk."""
     return phase.trunk_from + (phase.trunk_to - phase.trunk_from) * smoothstep(share)
 
 
 def foot_path(
-    phase: Phases, share: Float[ArrayLike, ""], lift_share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]
+    phase: Moves | Phases, share: Float[ArrayLike, ""], lift_share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]
 ) -> Float[Array, "leg 3"]:
     """Foot centres in W [m] at a share of one phase; the foot moves once its load has been taken over by the others."""
     inner = jnp.clip((jnp.asarray(share) - load_share) / (1.0 - 2.0 * load_share), 0.0, 1.0)
@@ -24,7 +24,7 @@ def foot_path(
     return swing(phase.feet_from, phase.feet_to, phase.apex, inner, lift_share)
 
 
-def load_weight(phase: Phases, share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]) -> Float[Array, "leg"]:
+def load_weight(phase: Moves | Phases, share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]) -> Float[Array, "leg"]:
     """Weight of each foot in `share_load`: 1 standing, 0 in the air, a smooth transfer at either end of a swing."""
     share = jnp.asarray(share)
     outer = jnp.minimum(share, 1.0 - share) / load_share

@@ -7,12 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.foothold.cascade import FootholdStatus, Reachable, choose, soft_offset
+from jaxleg.foothold.cascade import FootholdStatus, Reachable, choose, reachable_heights, soft_offset
 from jaxleg.foothold.rectangle import Extent, SearchRectangle, extent_of, feasible_score
 from jaxleg.leg.kinematics import Reach, knee_bend, leg_angles
-from jaxleg.planner import Site, plan_footholds, reachable_heights
+from jaxleg.planner import plan_footholds
 from jaxleg.terrain import HeightMap
 from jaxleg.terrain.heightmap import nearest_cell
+from jaxleg.terrain.site import Site
 from tests.crawls import gait
 
 SIZE, STEP = 0.02, 0.2

@@ -99,7 +99,7 @@ def test_overlap_incentre_is_inside_both_support_triangles():
 def test_crawl_swings_every_leg_once_hind_before_front_after_a_shift():
     swings = [leg for leg in order.SWING_LEG if leg != order.SHIFT]
     assert [LEGS[leg] for leg in swings] == ["RH", "RF", "LH", "LF"]
-    assert [i for i, leg in enumerate(gait.SWING_LEG) if leg == gait.SHIFT] == [0, 3]
+    assert [i for i, leg in enumerate(order.SWING_LEG) if leg == order.SHIFT] == [0, 3]
 
 
 def test_overlap_median_runs_from_the_diagonals_crossing_to_the_standing_side():

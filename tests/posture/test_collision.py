@@ -7,9 +7,10 @@ import pytest
 
 from jaxleg.leg.kinematics import foot_position
 from jaxleg.posture.body import joint_angles
-from jaxleg.posture.collision import SHANK, THIGH, leg_clearance, leg_points, obstacles, trunk_clearance, trunk_spacing
+from jaxleg.posture.collision import SHANK, THIGH, leg_clearance, leg_points, trunk_clearance, trunk_spacing
 from jaxleg.rotations import trunk_rotation
 from jaxleg.terrain import HeightMap
+from jaxleg.terrain.obstacles import obstacles
 
 rotation_of, feet_of = jax.jit(trunk_rotation), jax.jit(jax.vmap(foot_position))
 SIZE, SHAPE = 0.04, (45, 40)

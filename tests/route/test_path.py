@@ -9,7 +9,8 @@ from numpy.testing import assert_allclose
 from scipy.sparse.csgraph import dijkstra
 
 from jaxleg.conventions import HEADINGS
-from jaxleg.route.path import PathStatus, PathWeights, cost_to_go, find_path, heuristic, move_costs, soft_cost_to_go
+from jaxleg.route.path import PathWeights, cost_to_go, find_path, heuristic, move_costs, soft_cost_to_go
+from jaxleg.status import Status
 
 pytestmark = pytest.mark.usefixtures("optimised")
 
@@ -66,8 +67,8 @@ def special_maps(cost, start, goal):
     cost[-4] = np.inf
     start[-3], goal[-2] = (-1, 4), (20, 18)
     cost[-1, :, 10] = np.inf  # a wall
-    start_, goal_ = PathStatus.START_BLOCKED, PathStatus.GOAL_BLOCKED
-    return [PathStatus.OK, PathStatus.TOO_LONG, PathStatus.OK, start_, goal_, start_, start_, goal_, PathStatus.NO_PATH]
+    start_, goal_ = Status.START_BLOCKED, Status.GOAL_BLOCKED
+    return [Status.OK, Status.TOO_LONG, Status.OK, start_, goal_, start_, start_, goal_, Status.NO_PATH]
 
 
 @jax.jit
@@ -126,13 +127,13 @@ def test_every_cost_to_go_is_that_of_dijkstra(maps, solved):
         usable = [np.any(np.isfinite(cost[k][:, i, j])) for i, j in np.clip((start[k], goal[k]), 0, np.array(SHAPE) - 1)]
         if k < COUNT - 9 and all(usable):
             reached = np.isfinite(truth[tuple(start[k])])
-            assert found.status[k] == (PathStatus.OK if reached else PathStatus.NO_PATH)
+            assert found.status[k] == (Status.OK if reached else Status.NO_PATH)
             assert_allclose(found.cost[k], truth[tuple(start[k])], rtol=tolerance)
             no_path += not reached
         elif k < COUNT - 9:
-            assert found.status[k] == (PathStatus.GOAL_BLOCKED if usable[0] else PathStatus.START_BLOCKED)
+            assert found.status[k] == (Status.GOAL_BLOCKED if usable[0] else Status.START_BLOCKED)
     assert no_path > 100
-    assert np.mean(found.status == PathStatus.OK) > 0.5
+    assert np.mean(found.status == Status.OK) > 0.5
 
 
 def moves_of(found, k):
@@ -144,7 +145,7 @@ def moves_of(found, k):
 def test_the_moves_of_a_path_sum_to_its_cost(maps, solved):
     (cost, start, goal, mu, resolution), _ = maps
     found, _, _, tolerance = solved
-    for k in np.flatnonzero(found.status == PathStatus.OK):
+    for k in np.flatnonzero(found.status == Status.OK):
         heading, onto = moves_of(found, k)
         assert np.array_equal(found.cells[k][0], start[k])
         assert np.array_equal(np.diff(found.cells[k][: found.length[k]], axis=0), STEPS[heading])
@@ -152,14 +153,14 @@ def test_the_moves_of_a_path_sum_to_its_cost(maps, solved):
         way = np.hypot(*(STEPS[heading] * resolution[k]).T)
         entered = cost[k][heading, onto[:, 0], onto[:, 1]]
         assert_allclose(np.sum((1 - mu[k]) * way + mu[k] * entered), found.cost[k], rtol=tolerance, atol=1e-12)
-    without = ~np.isin(found.status, (PathStatus.OK, PathStatus.TOO_LONG))
+    without = ~np.isin(found.status, (Status.OK, Status.TOO_LONG))
     assert np.all(np.isinf(found.cost[without]))
-    assert np.all(found.length[found.status != PathStatus.OK] == 0)
+    assert np.all(found.length[found.status != Status.OK] == 0)
 
 
 def test_spiral_blocked_ends_walls_and_no_way_at_all(maps, solved):
     found = solved[0]
-    assert [PathStatus(s) for s in found.status[-9:]] == maps[1]
+    assert [Status(s) for s in found.status[-9:]] == maps[1]
     _, way = spiral()
     assert found.length[-9] > len(way) // 2 - 12 > 80  # cuts its corners, else all along the corridor
     assert np.isfinite(found.cost[-8])
@@ -182,7 +183,7 @@ def test_more_weight_on_cost_takes_longer_ways_over_cheaper_ground(maps):
     for weight in (0.1, 0.6, 0.95):
         found = jax.tree.map(np.asarray, solve(cost, start, goal, np.full_like(mu, weight), resolution)[0])
         rows = []
-        for k in np.flatnonzero(found.status == PathStatus.OK):
+        for k in np.flatnonzero(found.status == Status.OK):
             heading, onto = moves_of(found, k)
             rows.append([np.hypot(*(STEPS[heading] * resolution[k]).T).sum(), cost[k][heading, onto[:, 0], onto[:, 1]].sum()])
         totals.append(np.array(rows))
@@ -300,9 +301,9 @@ def test_ends_that_are_nowhere_are_blocked():
     cost, weights = np.full((8, *SHAPE), 0.5), PathWeights(0.4, 0.6)
     here, nowhere = np.array([3, 4], np.int32), np.array([-(2**20), 4], np.int32)
     found = [int(search(cost, *ends, weights)) for ends in ((here, here), (nowhere, here), (here, nowhere))]
-    assert found == [PathStatus.OK, PathStatus.START_BLOCKED, PathStatus.GOAL_BLOCKED]
+    assert found == [Status.OK, Status.START_BLOCKED, Status.GOAL_BLOCKED]
 
 
 def test_weights_that_are_not_finite_give_no_path():
     cost, ends = np.full((8, *SHAPE), 0.5), np.array([[3, 4], [9, 9]], np.int32)
-    assert search(cost, *ends, PathWeights(np.nan, 0.6)) != PathStatus.OK
+    assert search(cost, *ends, PathWeights(np.nan, 0.6)) != Status.OK

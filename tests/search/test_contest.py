@@ -9,7 +9,8 @@ from jaxleg.search.config import PARAMETERS
 from jaxleg.search.contest import ACTIVE, Contest, active_constraints, bootstrap, keeps_limits, nested, savings, summary
 from jaxleg.search.lanes import CONSTRAINTS, SCALES, Score, penalty
 from jaxleg.sim.rollout import Meters
-from jaxleg.walk.data import PlanChecks, PlanStatus
+from jaxleg.status import Status
+from jaxleg.walk.data import PlanChecks
 
 NAMES = ("traditional", "paper", "best")
 
@@ -73,7 +74,7 @@ def test_what_binds_is_named():
 
 def test_a_plan_beyond_a_joints_range_is_infeasible_and_punished():
     """A robot with knees from 48 degrees on that is given 20: 28 units of a degree."""
-    checks = PlanChecks(*map(np.asarray, (np.deg2rad(20.0), 0.1, 0.5, 1.0, np.deg2rad(-28.0), 0.0, PlanStatus.OK)))
+    checks = PlanChecks(*map(np.asarray, (np.deg2rad(20.0), 0.1, 0.5, 1.0, np.deg2rad(-28.0), 0.0, Status.OK)))
     assert not keeps_limits(checks, np.deg2rad(20.0))
     assert keeps_limits(checks._replace(joint_room=np.asarray(np.deg2rad(-0.1))), np.deg2rad(20.0))
     assert not keeps_limits(checks._replace(joint_room=np.asarray(np.nan)), np.deg2rad(20.0))
@@ -114,7 +115,7 @@ def test_lanes_are_arranged_by_contestant_and_judged():
     """Two contestants on three terrains, contestant by contestant."""
     number, three = np.arange(6.0), np.arange(18.0).reshape(6, 3)
     bend = np.deg2rad([20.0, 19.85, 19.7, 30.0, 30.0, 30.0])
-    status = np.where(np.arange(6) == 4, PlanStatus.NO_FOOTHOLD, PlanStatus.OK)
+    status = np.where(np.arange(6) == 4, Status.NO_FOOTHOLD, Status.OK)
     checks = PlanChecks(bend, number, number, number, np.ones(6), number + 0.5, status)
     fell = np.arange(6) == 1
     meters = Meters(None, number, 2 * number, np.stack([number] * 4, 1) * np.arange(4), number, 3 * number, number, fell)

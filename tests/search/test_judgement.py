@@ -14,7 +14,8 @@ from jaxleg.gait.params import GaitParams
 from jaxleg.leg.energy import Power
 from jaxleg.search.config import PARAMETERS
 from jaxleg.search.lanes import CONSTRAINTS, Lab, Setting, penalty, per_metre, to_params
-from jaxleg.walk.data import PlanChecks, PlanStatus
+from jaxleg.status import Status
+from jaxleg.walk.data import PlanChecks
 
 DEGREE = np.pi / 180.0
 UNITS = dict(zip(CONSTRAINTS, (DEGREE, 0.01, 0.05, 0.1, DEGREE, 0.01, 0.01, 0.01, 0.01)))  # what costs a baseline's energy
@@ -25,7 +26,7 @@ CHECKS = PlanChecks(
     load=jnp.asarray(0.30),
     joint_room=jnp.asarray(0.4),
     lowering=jnp.asarray(0.02),
-    status=jnp.asarray(PlanStatus.OK),
+    status=jnp.asarray(Status.OK),
 )
 GAIT = GaitParams(*(jnp.asarray(x) for x in (0.5, -0.1, 0.1, 0.2, 0.62, 0.36, 0.08, 0.45, 0.5, 0.1)))
 fined, slope_of = jax.jit(penalty), jax.jit(jax.grad(penalty))

@@ -14,9 +14,9 @@ from jaxleg.search.config import Gait, Kind, Study
 from jaxleg.search.navigate import navigate, navigator_of, on_valid_cells, simulate_all, survey_all
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
+from jaxleg.status import Status
 from jaxleg.terrain import Grid, TerrainSettings, terrain
 from jaxleg.terrain.heightmap import HeightMap
-from jaxleg.walk.navigation import NavigationStatus
 
 GRID = Grid(75, 50, 0.04, (0.02, 0.02))
 START, GOAL = np.array([[0.8, 0.9]]), np.array([[2.2, 1.1]])
@@ -40,7 +40,7 @@ def planned(pegasus):
 
 def test_a_walk_reaches_its_goal_on_valid_cells(planned):
     _, surveys, walked = planned
-    assert walked.status[0] == NavigationStatus.OK
+    assert walked.status[0] == Status.OK
     assert on_valid_cells(surveys, walked)[0]
     count = int(walked.count[0])
     assert np.linalg.norm(walked.states.pose[0, count, :2] - GOAL[0]) < 0.2

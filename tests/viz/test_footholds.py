@@ -14,10 +14,11 @@ from experiments import footholds as experiment
 from jaxleg.conventions import InputError
 from jaxleg.foothold.cascade import FootholdStatus, Reachable
 from jaxleg.foothold.rectangle import SearchRectangle
-from jaxleg.planner import Choice, Site
+from jaxleg.planner import Choice
 from jaxleg.search.config import Rectangle
 from jaxleg.terrain import Grid, HeightMap
 from jaxleg.terrain.files import MapFile, save_map
+from jaxleg.terrain.site import Site
 from jaxleg.viz import footholds
 from jaxleg.viz.footholds import Planned, draw_cascade, draw_footholds, search_cells
 from jaxleg.viz.style import LEG_COLOUR, RED

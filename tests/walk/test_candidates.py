@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.walk.candidates import Adjustments, Cause, Counts, adjustment, outwards, place_of, pruned
+from jaxleg.series.candidates import Adjustments, Counts, adjustment, outwards, place_of, pruned
+from jaxleg.status import Status
 
 COUNTS = Counts(footholds=3, rolls=3, pitches=5, heights=3)
 place = jax.jit(place_of, static_argnums=1)
@@ -39,7 +40,7 @@ def test_adjustments_go_outwards_from_the_default():
     np.testing.assert_allclose(np.unique(values[:, 2].round(9)), [-0.2, 0.0, 0.2])
 
 
-@pytest.mark.parametrize("cause", list(Cause))
+@pytest.mark.parametrize("cause", list(Status))
 def test_pruning_is_the_papers_rules(cause):
     """(i) kinematics: no greater height; (ii) hind leg: no nose further up; (iii) left leg: no smaller roll; all else equal."""
     for number in (0, 7, 22, 41, COUNTS.candidates - 1):
@@ -49,10 +50,10 @@ def test_pruning_is_the_papers_rules(cause):
         def gone(other, f=f, r=r, p=p, h=h, rolls=rolls, pitches=pitches, heights=heights):
             g, s, q, k = other
             return {
-                Cause.KINEMATICS: (g, s, q) == (f, r, p) and heights[k] > heights[h],
-                Cause.HIND_LEG: (g, s, k) == (f, r, h) and pitches[q] > pitches[p],
-                Cause.LEFT_LEG: (g, q, k) == (f, p, h) and rolls[s] < rolls[r],
-                Cause.NO_FOOTHOLD: g >= f,
+                Status.KINEMATICS: (g, s, q) == (f, r, p) and heights[k] > heights[h],
+                Status.HIND_LEG: (g, s, k) == (f, r, h) and pitches[q] > pitches[p],
+                Status.LEFT_LEG: (g, q, k) == (f, p, h) and rolls[s] < rolls[r],
+                Status.NO_FOOTHOLD: g >= f,
             }.get(cause, False)
 
         expected = [gone(other) for other in everything()]

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jaxleg.posture.collision import leg_clearance, obstacles, trunk_clearance, trunk_spacing
-from jaxleg.posture.plane import shift_time
+from jaxleg.gait.phases import Phases
+from jaxleg.gait.timing import shift_time
+from jaxleg.posture.collision import leg_clearance, trunk_clearance, trunk_spacing
 from jaxleg.rotations import trunk_quaternion
 from jaxleg.terrain import HeightMap
-from jaxleg.walk.data import Phases
+from jaxleg.terrain.obstacles import obstacles
 from jaxleg.walk.trajectory import trunk_path
 from tests.motions import Mujoco
 

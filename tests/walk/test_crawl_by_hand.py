@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxleg.walk.crawl import crawl
 from scipy.interpolate import PchipInterpolator
 
 from jaxleg.leg.kinematics import knee_bend
@@ -13,7 +14,6 @@ from jaxleg.posture.body import joint_angles
 from jaxleg.posture.incentre import CogPlan, held_heights, lowering_needed, waypoint
 from jaxleg.rotations import trunk_rotation
 from jaxleg.terrain import Grid
-from jaxleg.walk.crawl import crawl
 from tests.crawls import gait, in_numpy, settings
 
 GRID = Grid(112, 52, 0.02, (-0.9, -0.51))

@@ -6,14 +6,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxleg.walk.gaits import Scene, State, footing, gait_nodes, holding_power, swing_apex, transition
 
-from jaxleg.posture.plane import shift_time, stand_pose, swing_pose
+from jaxleg.gait.timing import shift_time
+from jaxleg.posture.plane import stand_pose, swing_pose
 from jaxleg.route.stations import Stations
+from jaxleg.series.candidates import adjustment, place_of
+from jaxleg.status import Status
 from jaxleg.swing.cycloid import swing_foot
 from jaxleg.terrain import HeightMap
-from jaxleg.walk.candidates import Cause, adjustment, place_of
 from jaxleg.walk.config import Navigation
-from jaxleg.walk.gaits import Scene, State, footing, gait_nodes, holding_power, swing_apex, transition
 from jaxleg.walk.navigation import make_navigator
 from tests.crawls import gait
 
@@ -46,7 +48,7 @@ def cause(navigator, pegasus):
         return transition(pegasus, plan, ground, State(feet, start), jnp.array(LEG), target, pose)
 
     def ask(elevation=LEVEL, target=TARGET, adjust=(0.46, 0.0, 0.0), moved=STILL):
-        return Cause(int(run(*(jnp.asarray(x) for x in (elevation, target, adjust, moved)))))
+        return Status(int(run(*(jnp.asarray(x) for x in (elevation, target, adjust, moved)))))
 
     return ask
 
@@ -59,22 +61,22 @@ def wall(x, y, half, height):
 
 
 def test_a_step_on_level_ground_can_be_made(cause):
-    assert cause() == Cause.NONE
+    assert cause() == Status.OK
 
 
 def test_what_makes_a_step_impossible(cause):
-    assert cause(target=TARGET + np.array([0.5, 0.0, 0.0])) == Cause.KINEMATICS
-    assert cause(adjust=(0.62, 0.0, 0.0)) == Cause.KINEMATICS
-    assert cause(moved=np.array([0.0, -0.12, 0, 0, 0, 0])) == Cause.STABILITY
-    assert cause(elevation=wall(-0.5, -0.2, 0.05, 0.25)) == Cause.HIND_LEG  # the knees point backward
-    assert cause(elevation=wall(0.16, 0.2, 0.05, 0.25)) == Cause.LEFT_LEG
-    assert cause(elevation=wall(0.0, 0.0, 0.06, 0.6)) == Cause.COLLISION
+    assert cause(target=TARGET + np.array([0.5, 0.0, 0.0])) == Status.KINEMATICS
+    assert cause(adjust=(0.62, 0.0, 0.0)) == Status.KINEMATICS
+    assert cause(moved=np.array([0.0, -0.12, 0, 0, 0, 0])) == Status.STABILITY
+    assert cause(elevation=wall(-0.5, -0.2, 0.05, 0.25)) == Status.HIND_LEG  # the knees point backward
+    assert cause(elevation=wall(0.16, 0.2, 0.05, 0.25)) == Status.LEFT_LEG
+    assert cause(elevation=wall(0.0, 0.0, 0.06, 0.6)) == Status.COLLISION
     unseen = np.zeros(SHAPE)
-    assert cause(elevation=unseen, target=np.full(3, np.nan)) == Cause.NOT_FINITE
+    assert cause(elevation=unseen, target=np.full(3, np.nan)) == Status.NOT_FINITE
 
 
 def test_a_wall_that_nothing_comes_near_does_not_matter(cause):
-    assert cause(elevation=wall(0.0, 0.7, 0.05, 1.0)) == Cause.NONE
+    assert cause(elevation=wall(0.0, 0.7, 0.05, 1.0)) == Status.OK
 
 
 def test_footholds_are_the_best_valid_cells_of_the_turned_rectangle(navigator, pegasus):

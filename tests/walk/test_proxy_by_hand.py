@@ -5,11 +5,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxleg.walk.crawl import crawl
 from scipy.spatial import ConvexHull
 
 from jaxleg.foothold.cascade import FootholdStatus
-from jaxleg.walk.crawl import crawl
-from jaxleg.walk.data import PlanStatus
+from jaxleg.status import Status
 from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import instants, to_reference
 from tests.crawls import gait, in_numpy, settings, terrain_of
@@ -109,6 +109,6 @@ def test_the_lowering_is_the_walks(lanes):
 
 def test_a_leg_without_a_foothold_makes_its_lane_infeasible_and_no_other(lanes):
     walk, proxy, *_ = lanes
-    assert proxy.checks.status.tolist() == [PlanStatus.NO_FOOTHOLD, PlanStatus.OK]
+    assert proxy.checks.status.tolist() == [Status.NO_FOOTHOLD, Status.OK]
     for numbers in (walk.footholds, walk.waypoints, *proxy.energy, proxy.checks.margin):
         np.testing.assert_array_equal(numbers[0], numbers[1])

@@ -10,7 +10,7 @@ import pytest
 from jaxleg.gait.order import SWING_LEG
 from jaxleg.leg.energy import CONVENTIONS, electrical, motor_power
 from jaxleg.leg.kinematics import foot_position
-from jaxleg.walk.data import PlanStatus
+from jaxleg.status import Status
 from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import instant, phase_samples, reference
 from tests.crawls import gait, settings
@@ -111,4 +111,4 @@ def test_a_walk_that_is_not_finite_is_never_ok(planned, pegasus, spoilt):
     rows[3] = np.nan
     phases = walk.phases._replace(**{parts[spoilt]: rows})
     bad = walk._replace(phases=phases, **{spoilt: np.full_like(getattr(walk, spoilt), np.nan)})
-    assert proxy(pegasus, bad).checks.status == PlanStatus.NOT_FINITE
+    assert proxy(pegasus, bad).checks.status == Status.NOT_FINITE

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.walk.tree import Nodes, SearchStatus, Tried, begin, search
+from jaxleg.series.tree import Nodes, SearchStatus, Tried, begin, search
 
 TABLES, STEPS, WIDTH = 1000, 6, 5
 

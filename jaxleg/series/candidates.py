@@ -7,12 +7,13 @@ height is adjusted first, then pitch, roll, and the foothold last (28). Adjustme
 import dataclasses
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxleg.numerics import Code
+from jaxleg.status import Status
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,16 +28,20 @@ class Counts:
     @property
     def candidates(self) -> int:
         """Number of candidate states (27)."""
-        return self.footholds * self.rolls * self.pitches * self.heights
+        return self.footholds * self.poses
+
+    @property
+    def poses(self) -> int:
+        """Number of poses over each foothold."""
+        return self.rolls * self.pitches * self.heights
 
 
 class Adjustments(NamedTuple):
-    """Default height of the trunk over the plane of the feet and the steps of its adjustments."""
+    """Size of a step away from the default height, pitch and roll of the trunk."""
 
     height: Float[Array, ""]  # [m]
-    height_step: Float[Array, ""]  # [m]
-    pitch_step: Float[Array, ""]  # [rad]
-    roll_step: Float[Array, ""]  # [rad]
+    pitch: Float[Array, ""]  # [rad]
+    roll: Float[Array, ""]  # [rad]
 
 
 class Place(NamedTuple):
@@ -46,19 +51,6 @@ class Place(NamedTuple):
     roll: Int[Array, "*n"]
     pitch: Int[Array, "*n"]
     height: Int[Array, "*n"]
-
-
-class Cause(Code):
-    """Why a candidate state cannot be reached. `HIND_LEG`, `LEFT_LEG` and `COLLISION` are contacts with the ground."""
-
-    NONE = 0
-    NO_FOOTHOLD = 1  # there are fewer footholds than candidates
-    KINEMATICS = 2  # out of reach, knee too straight or out of a joint's range
-    STABILITY = 3  # centre of mass too near to the support triangle's edge
-    HIND_LEG = 4
-    LEFT_LEG = 5
-    COLLISION = 6  # right front leg or trunk
-    NOT_FINITE = 7  # unseen ground on the way
 
 
 def outwards(count: int) -> np.ndarray:
@@ -75,12 +67,17 @@ def place_of(candidate: Int[ArrayLike, "*n"], counts: Counts) -> Place:
     return Place(foothold, roll, pitch, height)
 
 
-def adjustment(place: Place, adjustments: Adjustments, counts: Counts) -> Float[Array, "*n 3"]:
-    """Height over the plane [m], then pitch and roll beyond it [rad], of a place."""
-    dtype = adjustments.height.dtype
-    steps = [jnp.asarray(outwards(n), dtype)[i] for n, i in zip((counts.heights, counts.pitches, counts.rolls), place[:0:-1])]
-    height = adjustments.height + steps[0] * adjustments.height_step
-    return jnp.stack([height, steps[1] * adjustments.pitch_step, steps[2] * adjustments.roll_step], axis=-1)
+def steps_away(candidate: Int[ArrayLike, "*n"], counts: Counts) -> Int[Array, "*n 3"]:
+    """Steps of a candidate away from the default height, pitch and roll."""
+    place = place_of(candidate, counts)
+    pairs = ((counts.heights, place.height), (counts.pitches, place.pitch), (counts.rolls, place.roll))
+    return jnp.stack([jnp.asarray(outwards(n), jnp.int32)[i] for n, i in pairs], axis=-1)
+
+
+def adjustment_of(steps: Int[Array, "*n 3"], adjustments: Adjustments) -> Float[Array, "*n 3"]:
+    """Height [m], pitch and roll [rad] beyond the default that so many steps make."""
+    size = jnp.stack([*adjustments])
+    return steps.astype(size.dtype) * jax.lax.broadcast_to_rank(size, steps.ndim)
 
 
 def pruned(candidate: Int[Array, ""], cause: Int[Array, ""], counts: Counts) -> Bool[Array, "candidate"]:
@@ -99,8 +96,8 @@ def pruned(candidate: Int[Array, ""], cause: Int[Array, ""], counts: Counts) -> 
     nose_up = pitch[all_.pitch] > pitch[here.pitch]
     leftward = roll[all_.roll] < roll[here.roll]
     return (
-        ((cause == Cause.KINEMATICS) & foothold & same_roll & same_pitch & higher)
-        | ((cause == Cause.HIND_LEG) & foothold & same_roll & same_height & nose_up)
-        | ((cause == Cause.LEFT_LEG) & foothold & same_pitch & same_height & leftward)
-        | ((cause == Cause.NO_FOOTHOLD) & (all_.foothold >= here.foothold))
+        ((cause == Status.KINEMATICS) & foothold & same_roll & same_pitch & higher)
+        | ((cause == Status.HIND_LEG) & foothold & same_roll & same_height & nose_up)
+        | ((cause == Status.LEFT_LEG) & foothold & same_pitch & same_height & leftward)
+        | ((cause == Status.NO_FOOTHOLD) & (all_.foothold >= here.foothold))
     )

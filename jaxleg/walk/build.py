@@ -1,0 +1,196 @@
+"""From choices to a walk: footholds, trunk poses, phases, times. Paper A, II.A and IV.C; C, 3.1 and 3.2.
+
+One lane; `vmap` it over planners and sites. With the choices held everything is differentiable, forward and reverse, in the
+planner's numbers, the robot's and the map's.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jaxleg.conventions import LEFT_LEGS
+from jaxleg.gait.nominal import nominal_offset
+from jaxleg.gait.order import SHIFT, STEP_LEGS
+from jaxleg.gait.phases import Layout, Moves, Phases, layout
+from jaxleg.numerics import norm_safe
+from jaxleg.planner import Planner
+from jaxleg.posture.incentre import lowering_needed
+from jaxleg.robot import Robot
+from jaxleg.rotations import turned
+from jaxleg.route.stations import Stations
+from jaxleg.series.candidates import adjustment_of
+from jaxleg.series.kinds import Tree
+from jaxleg.terrain.ground import on_ground
+from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.terrain.site import Site
+from jaxleg.walk.choices import Choices, nominal_stances
+from jaxleg.walk.data import Walk
+from jaxleg.walk.trajectory import foot_path, trunk_path
+
+RANK = np.argsort(STEP_LEGS)  # of each leg in a cycle's order of swings
+
+
+def walk(planner: Planner, robot: Robot, site: Site, stations: Stations, choices: Choices) -> Walk:
+    """The walk of a planner along stations with its choices made."""
+    steps = choices.adjust.shape[0]
+    shape = layout(steps, planner.posture.shared, planner.standing)
+    footholds = chosen_footholds(planner, robot, site.terrain, stations, choices)
+    feet = feet_by_step(footholds, steps)
+    poses = _poses(planner, robot, site.terrain, stations, choices, feet)
+    moves = _moves(planner, robot, site, shape, _Course(feet, poses, choices.count))
+    legs, way = tuple(shape.leg.tolist()), _way(planner, stations, poses, choices.count)
+    moves, poses, lowering = _lowered(planner, robot, shape, moves, poses)
+    duration = planner.timing.durations(planner.gait, planner.swing.load_share, moves, legs, way)
+    return Walk(
+        gait=planner.gait,
+        footholds=footholds,
+        found=choices.found,
+        poses=poses,
+        feet=feet,
+        count=choices.count,
+        way=way,
+        lowering=lowering,
+        phases=Phases(jnp.cumsum(duration) - duration, duration, *moves),
+        used=jnp.asarray(shape.step) < choices.count + jnp.asarray(shape.leg == SHIFT, jnp.int32),
+        load_share=planner.swing.load_share,
+        status=choices.status,
+        legs=legs,
+    )
+
+
+class _Course(NamedTuple):
+    """Feet before each step, and poses before the first step and in each, and the steps walked."""
+
+    feet: Float[Array, "step1 leg 3"]
+    poses: Float[Array, "step2 6"]
+    count: Int[Array, ""]
+
+
+def chosen_footholds(
+    planner: Planner, robot: Robot, terrain: HeightMap, stations: Stations, choices: Choices
+) -> Float[Array, "stance leg 3"]:
+    """The footholds: each nominal one and its offset, turned to the station's heading, on the ground."""
+    nominal, yaw = nominal_stances(planner.gait, stations, choices.offset.shape[0])
+    return on_ground(robot, terrain, nominal + jax.vmap(jax.vmap(turned))(choices.offset, yaw))
+
+
+def feet_by_step(footholds: Float[Array, "stance leg 3"], steps: int) -> Float[Array, "step1 leg 3"]:
+    """Where the feet stand before each step, and after the last."""
+    step = np.arange(steps + 1)[:, None]
+    stance = step // 4 + (RANK[None] < step % 4)
+    return footholds[stance, np.arange(4)[None]]
+
+
+def _poses(planner, robot, terrain, stations, choices, feet):
+    """Trunk poses: before the first step, in each step's swing, and at the end."""
+    posture, gait, steps = planner.posture, planner.gait, choices.adjust.shape[0]
+    each = 2 if posture.shared else 1
+    first = np.arange(0, steps, each)
+    adjust = _adjustments(planner, choices)[first]
+    leg, yaw = (
+        jnp.asarray([STEP_LEGS[s % 4] for s in first]),
+        stations.yaw[jnp.minimum(first // 2 + 1, stations.yaw.shape[0] - 1)],
+    )
+    swing = jax.vmap(posture.swing, in_axes=(None, None, 0, 0, 0, 0, 0))
+    poses = jnp.repeat(swing(robot, gait, feet[first], feet[first + each], leg, adjust, yaw), each, axis=0)
+    if planner.standing:
+        begin = posture.stand(robot, gait, feet[0], stations.yaw[0])
+    else:
+        begin = _in_mid_gait(planner, robot, terrain, stations, choices.offset[0], feet[0])
+    poses = posture.settle(jnp.concatenate([begin[None], poses]))
+    end = posture.stand(robot, gait, feet[choices.count], poses[choices.count, 5]) if planner.standing else poses[-1]
+    return jnp.concatenate([poses, end[None]])
+
+
+def _adjustments(planner, choices):
+    """Height [m], pitch and roll [rad] added in each step."""
+    if isinstance(planner.series, Tree):
+        return adjustment_of(choices.adjust, planner.series.adjustments)
+    return jnp.zeros(choices.adjust.shape, planner.gait.step_length.dtype)
+
+
+def _in_mid_gait(planner, robot, terrain, stations, offset, feet):
+    """The pose of the swings before the first step: the left feet came from one step behind."""
+    back = stations.xy[0] - stations.xy[1]
+    legs = np.array(LEFT_LEGS if planner.posture.shared else STEP_LEGS[-1:])
+    nominal = jax.vmap(nominal_offset, in_axes=(None, 0))(planner.gait, jnp.asarray(legs))
+    yaw = stations.yaw[0]
+    xy = (stations.xy[0] + back)[None] + turned(nominal + offset[legs], yaw)
+    before = feet.at[legs].set(on_ground(robot, terrain, xy))
+    leg, none = jnp.asarray(legs[-1]), jnp.zeros(3, feet.dtype)
+    return planner.posture.swing(robot, planner.gait, before, feet, leg, none, yaw)
+
+
+def _moves(planner, robot, site, shape: Layout, course: _Course) -> Moves:
+    """What moves in each phase; beyond the last step everything stands."""
+    step, count = jnp.asarray(shape.step), course.count
+    last = course.feet.shape[0] - 1
+    before = course.feet[jnp.minimum(jnp.minimum(step, count), last)]
+    after = course.feet[jnp.minimum(jnp.minimum(step + 1, count), last)]
+    shifts = jnp.asarray(shape.leg == SHIFT)
+
+    def pose(index):
+        return course.poses[jnp.where(index <= count, jnp.minimum(index, last), last + 1)]
+
+    trunk_to = pose(step + 1)
+    trunk_from = jnp.where(shifts[:, None], pose(step), trunk_to)
+    return Moves(
+        trunk_from=trunk_from,
+        trunk_to=trunk_to,
+        feet_from=before,
+        feet_to=jnp.where(shifts[:, None, None], before, after),
+        **_flights(planner, robot, site, shape, count, before, after),
+    )
+
+
+def _flights(planner, robot, site, shape: Layout, count, before, after):
+    """Apex and leg of each swing."""
+    row = np.flatnonzero(shape.leg != SHIFT)
+    leg = shape.leg[row]
+    start, end = before[row, leg], after[row, leg]
+    apex = jax.vmap(planner.swing.apex, in_axes=(None, None, None, 0, 0))(robot, planner.gait, site.obstacles, start, end)
+    on = (jnp.asarray(shape.step[row]) < count).astype(apex.dtype)
+    none = jnp.zeros((len(shape.leg), 4), apex.dtype)
+    return {"apex": none.at[row, leg].set(apex * on), "swings": none.at[row, leg].set(on)}
+
+
+def _lowered(planner, robot, shape: Layout, moves: Moves, poses):
+    """The trunk lowered until every leg keeps the least knee bend (A17): distances to a fixed foot peak at the ends of a
+    phase, those to a swinging one in between."""
+    lowering = planner.posture.lowering
+    if lowering is None:
+        return moves, poses, jnp.zeros((), poses.dtype)
+    shares = jnp.linspace(0.0, 1.0, 5, dtype=poses.dtype)
+
+    def needed(move, share):
+        pose = trunk_path(move, share)
+        feet = foot_path(move, share, planner.gait.lift_share, planner.swing.load_share)
+        return jnp.max(lowering_needed(robot, pose, feet, planner.limits.knee_bend)[0])
+
+    by_phase = jnp.max(jax.vmap(lambda s: jax.vmap(needed, in_axes=(0, None))(moves, s))(shares), axis=0)
+    down = jnp.zeros(poses.shape[0], poses.dtype)
+    if lowering == "walk":
+        down = down + jnp.max(by_phase)
+    else:
+        start = np.where(shape.leg == SHIFT, shape.step, shape.step + 1)
+        down = down.at[start].max(by_phase).at[shape.step + 1].max(by_phase)
+    return _down(shape, moves, poses, down)
+
+
+def _down(shape: Layout, moves: Moves, poses, down):
+    start = np.where(shape.leg == SHIFT, shape.step, shape.step + 1)
+    lower = jnp.zeros((1, 6), poses.dtype).at[0, 2].set(-1.0)
+    trunk_from = moves.trunk_from + down[start][:, None] * lower
+    trunk_to = moves.trunk_to + down[shape.step + 1][:, None] * lower
+    return moves._replace(trunk_from=trunk_from, trunk_to=trunk_to), poses + down[:, None] * lower, jnp.max(down)
+
+
+def _way(planner, stations, poses, count):
+    """Way of the walk [m]: along its stations, or of the trunk where it goes on as it began."""
+    if not planner.standing:
+        return norm_safe(poses[-1, :2] - poses[0, :2])
+    moved = norm_safe(jnp.diff(stations.xy, axis=0))
+    return jnp.sum(jnp.where(jnp.arange(moved.shape[0]) < count // 2, moved, 0.0))
