@@ -26,7 +26,7 @@ from jaxleg.search.contest import keeps_limits
 from jaxleg.search.lanes import Lab, to_params
 from jaxleg.settings import load
 from jaxleg.viz.baselines import draw_baselines
-from jaxleg.walk.reference import instant
+from jaxleg.walk.reference import phase_instant
 
 NET = CONVENTIONS.index("net")
 HEIGHTS, OFFSETS = np.linspace(0.44, 0.50, 7), np.linspace(-0.10, 0.10, 9)  # H_COG, L_F2H centre [m]
@@ -108,7 +108,8 @@ def judge(lab: Lab, vector, site, setting):
     score = lab.proxy(vector, site, choice, setting)
     walk = lab.walk(to_params(vector), site, choice, setting.least_bend)
     first = jax.tree.map(lambda x: x[0], walk.phases)
-    torque = instant(lab.robot, walk, lab.settings(setting.least_bend), first, jnp.zeros((), vector.dtype)).torque
+    shares = jnp.zeros((), vector.dtype), walk.gait.lift_share, walk.load_share
+    torque = phase_instant(lab.robot, first, *shares).torque
     stand = jnp.sum(electrical(motor_power(lab.robot, torque, jnp.zeros_like(torque)), "net"))
     return score.energy[NET] * lab.speed, stand, score.checks.margin, keeps_limits(score.checks, setting.least_bend)
 

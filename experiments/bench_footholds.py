@@ -20,12 +20,10 @@ import tyro
 from experiments.common import timed, write
 from experiments.plain_footholds import plain_features, plain_plan, plain_valid
 from jaxleg.cli import configure_jax
-from jaxleg.foothold.cascade import FootholdStatus, Reachable
+from jaxleg.foothold.cascade import Footholds, FootholdStatus, Reachable, choose
 from jaxleg.foothold.rectangle import SearchRectangle, extent_of
-from jaxleg.planner import Choice, plan_footholds
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain_batch, valid_cells
 from jaxleg.terrain.features import FeatureSettings, traversability
-from jaxleg.terrain.site import Site
 
 RESOLUTION, FOOT, STEP, LEAST = 0.02, 0.02, 0.2, 0.7
 GRID = Grid(80, 32, RESOLUTION, (-0.6, -0.31))
@@ -79,12 +77,14 @@ def easy_cells(elevation: jax.Array) -> jax.Array:
     return traversability(GRID.map(elevation), RESOLUTION, FeatureSettings()) >= LEAST
 
 
-def planned(elevation: jax.Array, easy: jax.Array) -> Choice:
+def planned(elevation: jax.Array, easy: jax.Array) -> Footholds:
     """Twelve footholds on one map: valid cells (foot disc), then the cascade."""
     terrain: HeightMap = GRID.map(elevation)
-    site = Site(terrain, valid_cells(terrain, RESOLUTION, FOOT, easy=easy))
+    valid = valid_cells(terrain, RESOLUTION, FOOT, easy=easy)
     rectangle = SearchRectangle(*(jnp.asarray(x, float) for x in (0.30, 0.08, 0.08, 0.5, 0.0)))
-    return plan_footholds(jnp.asarray(NOMINAL, float), rectangle, Reachable(*map(jnp.asarray, LIMITS)), site, EXTENT)
+    reachable = Reachable(*map(jnp.asarray, LIMITS))
+    stances = jax.vmap(choose, in_axes=(0, None, None, None, None, None))
+    return stances(jnp.asarray(NOMINAL, float), valid, terrain, rectangle, reachable, EXTENT)
 
 
 def timed_batch(lane: Any, *batched: Any) -> dict[str, Any]:

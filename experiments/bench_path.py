@@ -32,6 +32,7 @@ from jaxleg.terrain import Grid, rough
 GRID = Grid(100, 100, 0.05, (0.0, 0.0))
 START, GOAL, LONGEST = (1, 1), (98, 98), 600
 MU_DISTANCE, MU_COST = 0.4, 0.6
+STATUSES = (Status.OK, Status.NO_PATH, Status.START_BLOCKED, Status.GOAL_BLOCKED, Status.TOO_LONG)  # of a path
 BLOCKED = 1.1  # standard deviations above the mean
 BATCH = 4  # maps at once on a device: more do not stay in its cache
 Route = Callable[[], float]  # cost of the way over a map: infinite without one, NaN where a planner does not tell
@@ -57,7 +58,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
         agreement[name] = compare(costs, found, same_problem=name == "scipy_dijkstra")
     report(times, agreement, missing)
     ratios = {name: seconds / times["ours_warm"] for name, seconds in times.items()}
-    status = {s.name.lower(): int((np.asarray(ours["answer"].status) == s).sum()) for s in Status}
+    status = {s.name.lower(): int((np.asarray(ours["answer"].status) == s).sum()) for s in STATUSES}
     rows = {"maps": len(cost), "seconds_a_map": times, "times_ours_warm": ratios, "status": status}
     write("bench_path", out, rows | {"agreement": agreement, "missing": missing})
 

@@ -27,9 +27,10 @@ from mujoco import rollout
 from experiments.common import setup, timed, write
 from jaxleg.batch import over_lanes
 from jaxleg.leg.energy import Power, electrical, motor_power
+from jaxleg.posture.collision import Sizes, robot_obstacles
 from jaxleg.search.config import Study, baseline
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import CYCLES, Lab, Setting
+from jaxleg.search.lanes import Lab, Setting
 from jaxleg.search.referees import unstack
 from jaxleg.sim import referee
 from jaxleg.sim.engine import mjx
@@ -38,7 +39,6 @@ from jaxleg.sim.rollout import simulate
 from jaxleg.terrain.generators import Grid, TerrainSettings, terrain_batch
 from jaxleg.terrain.site import Site
 from jaxleg.walk.data import Reference
-from jaxleg.walk.reference import samples_per_cycle
 
 GRID = Grid(64, 64, 0.03, (-0.9, -0.96))
 CANDIDATES = (((30, 25), 2), ((40, 34), 2), ((48, 40), 2), ((60, 50), 2), ((60, 50), 3))  # (samples a phase, steps a sample)
@@ -51,7 +51,7 @@ ERROR = 0.02  # of the energy
 def main(out: Path | None = None, quick: bool = False) -> None:
     """Measure all rows; `quick` uses fewer lanes and skips 1024 terrains."""
     study, lab = setup()
-    lanes, vectors = distinct(study, 64 if quick else 1024)
+    lanes, vectors = distinct(study, lab, 64 if quick else 1024)
     result = growth(lab, vectors, lanes, (16, 64) if quick else (64, 256, 1024)) | reverse(lab, vectors, lanes)
     few = first(lanes, 64)
     tracks = lab.plan_lanes(vectors[:64], few.site, few.setting).reference
@@ -69,10 +69,12 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     write("bench_rollout", out, result | {"rates": rates, "ratios": ratios})
 
 
-def distinct(study: Study, count: int) -> tuple[Lanes, np.ndarray]:
+def distinct(study: Study, lab: Lab, count: int) -> tuple[Lanes, np.ndarray]:
     """Lanes on distinct rough terrains, with distinct parameters round the paper's."""
     terrain = terrain_batch("rough", GRID, jax.random.key(5), 0, jnp.ones(count), TerrainSettings())
-    site = Site(terrain, jnp.ones((count, GRID.nx, GRID.ny), bool))
+    sizes = Sizes.of(lab.robot)
+    obstacles = jax.jit(jax.vmap(lambda t: robot_obstacles(sizes, t, GRID.resolution)))(terrain)
+    site = Site(terrain, jnp.ones((count, GRID.nx, GRID.ny), bool), obstacles)
     setting = Setting(*(jnp.full(count, x, float) for x in (np.deg2rad(20.0), -10.0, 1.0)))
     vectors = np.tile(baseline(study, "rough", "paper"), (count, 1))
     vectors[:, 0] += np.linspace(-0.02, 0.02, count)
@@ -100,7 +102,7 @@ def rollout_rate(lab: Lab, vectors: np.ndarray, lanes: Lanes) -> dict[str, float
     meters = run(*arguments)
     compiled = time.perf_counter() - began
     wall = timed(run, *arguments)
-    step = float(meters.time.mean()) / (CYCLES * samples_per_cycle(lab.samples) * lab.steps)
+    step = float(meters.time.mean()) / ((arguments[1].time.shape[1] - 1) * lab.steps)
     return {"rate": float(meters.time.sum()) / wall, "step": step, "compile": compiled - wall, "error": float(error)}
 
 

@@ -15,10 +15,10 @@ import tyro
 
 from experiments.common import setup, training, write
 from jaxleg.leg.energy import CONVENTIONS
-from jaxleg.planner import no_choice
 from jaxleg.robot import Robot, RobotFile, build_robot
 from jaxleg.search.config import baseline
 from jaxleg.settings import load
+from jaxleg.walk.choices import no_choice
 
 POWER, SPEED = 35.4, 0.012  # [W], [m/s]
 ROBOT = Path(__file__).parent.parent / "configs" / "robots" / "pegasus.toml"

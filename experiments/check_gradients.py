@@ -20,13 +20,13 @@ from experiments.common import setup, training, write
 from jaxleg.batch import over_lanes
 from jaxleg.foothold.cascade import Reachable, soft_offset
 from jaxleg.leg.energy import CONVENTIONS
-from jaxleg.planner import Choice, choose_footholds
 from jaxleg.search import agreement
 from jaxleg.search.config import Study, bounds
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, per_metre, to_params
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain.site import Site
+from jaxleg.walk.choices import Choices
 from jaxleg.walk.reference import reference
 
 STEP = 1e-5  # of a parameter's range
@@ -81,20 +81,18 @@ def true(row: dict[str, float | int]) -> bool:
     return row["gaits"] > 0 and within
 
 
-def cycle_energy(lab: Lab, vector: jax.Array, site: Site, choice: Choice, bend: jax.Array) -> jax.Array:
+def cycle_energy(lab: Lab, vector: jax.Array, site: Site, choice: Choices, bend: jax.Array) -> jax.Array:
     """Energy per metre [J/m] of one simulated cycle from rest, the footholds given."""
-    walk, settings = lab.walk(to_params(vector), site, choice, bend), lab.settings(bend)
-    track = reference(lab.robot, walk, settings, lab.samples)
+    track = reference(lab.robot, lab.walk(to_params(vector), site, choice, bend), lab.samples)
     meters = simulate(lab.engine, lab.robot, lab.ground, site.terrain, track, lab.steps)
-    return per_metre(meters.energy, meters.distance)[CONVENTIONS.index(lab.convention)]
+    return per_metre(meters.energy, meters.moved[0])[CONVENTIONS.index(lab.convention)]
 
 
 def check(lab: Lab, vectors: jax.Array, lanes: Lanes, width: jax.Array) -> dict[str, np.ndarray]:
     """Errors of reverse mode against differences, forward mode and float32, by gait."""
     lab.engine  # noqa: B018  built outside of any tracing
-    params = jax.vmap(to_params)(vectors)
-    choose_all = jax.vmap(lambda p, s, b: choose_footholds(lab.robot, p, b, lab.rectangle, s, lab.extent, 1))
-    choices = jax.jit(choose_all)(params, lanes.site, lanes.setting.least_bend)
+    choose_all = jax.jit(jax.vmap(lambda v, s, b: lab.choose(v, s, b, 1)))
+    choices = choose_all(vectors, lanes.site, lanes.setting.least_bend)
     lane = lambda v, s, c, b: cycle_energy(lab, v, s, c, b)  # noqa: E731
     arguments = (lanes.site, choices, lanes.setting.least_bend)
     gradient = over_lanes(jax.grad(lane), lab.chunk // 2)(vectors, *arguments) * width

@@ -62,8 +62,8 @@ def walk(study: Study, lab: Lab, there: World, name: str):
     surveys = survey_all(navigator, there.maps)
     walked, _ = navigate(navigator, surveys, there.start, there.goal)
     seen = simulate_all(navigator, lab.engine, lab.ground, surveys, walked, there.goal)
-    used = np.arange(walked.states.pose.shape[1]) <= walked.count[:, None]
-    height = walked.states.pose[..., 2] - walked.states.feet[..., 2].mean(axis=-1)
+    used = np.arange(walked.walk.feet.shape[1]) <= walked.choices.count[:, None]
+    height = walked.walk.poses[:, :-1, 2] - walked.walk.feet[..., 2].mean(axis=-1)
     return per_metre(there, seen), succeeded(walked, seen), seen.time, (height * used).sum(axis=1) / used.sum(axis=1)
 
 

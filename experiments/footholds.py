@@ -8,6 +8,7 @@ cascade ends in the rectangles and one whose ends in the lengthened ones. The ma
 """
 
 import dataclasses
+import functools
 import sys
 from pathlib import Path
 from typing import Any
@@ -19,11 +20,11 @@ import tyro
 
 from experiments.common import setup, write
 from jaxleg.conventions import LEGS, InputError
-from jaxleg.foothold.cascade import FootholdStatus, Reachable, reachable_heights
+from jaxleg.foothold.cascade import FootholdStatus, Reachable, choose, reachable_heights
 from jaxleg.foothold.rectangle import SearchRectangle, extent_of
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.params import GaitParams
-from jaxleg.planner import plan_footholds
+from jaxleg.route.stations import Straight
 from jaxleg.search.checks import check_map
 from jaxleg.search.config import Rectangle, Study, baseline
 from jaxleg.search.lanes import Lab, to_params
@@ -80,7 +81,8 @@ def plan(site: Site, box: SearchRectangle, nominal: jax.Array, reachable: Reacha
     """One call of the planner for nominal footholds (stance, leg, xy) in W [m]; the extent follows from the map's cells."""
     size, resolution = float(box.length + box.longer), float(site.terrain.resolution)
     extent = extent_of(size, float(box.width), float(reachable.step), resolution, float(box.heading))
-    choice = jax.jit(plan_footholds, static_argnums=4)(nominal, box, reachable, site, extent)
+    stances = jax.jit(jax.vmap(functools.partial(choose, extent=extent), in_axes=(0, None, None, None, None)))
+    choice = stances(nominal, site.valid, site.terrain, box, reachable)
     return Planned(site, box, np.asarray(nominal), choice)
 
 
@@ -121,12 +123,11 @@ def on_map(study: Study, lab: Lab, terrain: HeightMap, heading: float) -> Planne
 
 def through_middle(params: GaitParams, terrain: HeightMap, heading: float) -> jax.Array:
     """Nominal footholds (stance, leg, xy) in W [m] of the walk's cycles; their mean is the middle of the map."""
-    nominal = nominal_stances(params, 0, CYCLES)
+    stations = Straight(jnp.asarray(heading, float)).stations(params, None, 2 * CYCLES)
+    nominal, _ = nominal_stances(params, stations, CYCLES)
     size = jnp.array(terrain.elevation.shape, terrain.resolution.dtype)
     middle = terrain.origin + 0.5 * terrain.resolution * (size - 1.0)
-    c, s = jnp.cos(heading), jnp.sin(heading)
-    about_middle = nominal - jnp.mean(nominal, axis=(0, 1), keepdims=True)
-    return about_middle @ jnp.array([[c, s], [-s, c]]) + middle[None, None]
+    return nominal - jnp.mean(nominal, axis=(0, 1), keepdims=True) + middle[None, None]
 
 
 def rows_of(planned: Planned) -> list[dict[str, Any]]:

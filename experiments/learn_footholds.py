@@ -25,7 +25,7 @@ import tyro
 from experiments.common import setup, write
 from jaxleg.batch import over_lanes
 from jaxleg.foothold.learned import differences, learn, leg_weights, listwise_loss, pairwise_accuracy
-from jaxleg.gait.order import PHASES
+from jaxleg.gait.order import PHASES, SWING_LEG
 from jaxleg.gait.phases import Phases
 from jaxleg.leg.energy import electrical
 from jaxleg.search.config import baseline
@@ -38,8 +38,7 @@ from jaxleg.terrain.foothold_cost import FEATURES, foothold_scores
 from jaxleg.terrain.foothold_features import foothold_features
 from jaxleg.terrain.ground import on_ground
 from jaxleg.viz.style import GREY, LEG_COLOUR, blank, label, save
-from jaxleg.walk.data import Walk
-from jaxleg.walk.reference import reference
+from jaxleg.walk.reference import phase_instants, to_reference
 from jaxleg.walk.standing import stand_first
 
 GRID = Grid(41, 31, 0.04, (-0.8, -0.6))
@@ -122,9 +121,9 @@ def stand(lab: Lab, vector: np.ndarray, patch: jax.Array, leg: int) -> tuple[jax
     time, none = jnp.full(PHASES, STEP_TIME, feet.dtype), jnp.zeros((PHASES, 4), feet.dtype)
     there = jnp.broadcast_to(feet, (PHASES, 4, 3))
     phases = Phases(jnp.cumsum(time) - time, time, poses[:-1], poses[1:], there, there, none, none)
-    params, zero = to_params(jnp.asarray(vector, feet.dtype)), jnp.zeros((), feet.dtype)
-    walk = Walk(params, feet[None], jnp.zeros((1, 4), jnp.int32), poses, jnp.sum(time)[None], zero, phases)
-    track = reference(lab.robot, walk, lab.settings(zero), (SAMPLES, SAMPLES))
+    params = to_params(jnp.asarray(vector, feet.dtype))
+    shares = params.lift_share, jnp.asarray(lab.load_share, feet.dtype)
+    track = to_reference(*phase_instants(lab.robot, phases, SWING_LEG, *shares, (SAMPLES, SAMPLES)))
     track = stand_first(track, STAND, STAND_SAMPLES)
     meters = simulate(lab.engine, lab.robot, lab.ground, terrain, track, STEPS, STAND_SAMPLES)
     return jnp.sum(electrical(meters.energy, lab.convention)), meters.slip[leg], meters.fell

@@ -25,12 +25,12 @@ from experiments.common import write
 
 ROOT = Path(__file__).parent.parent
 PARTS = {  # of the core: where faults go, and the tests that run first
-    "leg": (("kinematics", "statics", "dynamics", "energy", "stance", "gait", "workspace", "numerics"), "test_*.py"),
-    "terrain": (("terrain/*",), "terrain"),
-    "swing": (("swing/*",), "swing"),
-    "planning": (("planning/*",), "planning"),
-    "sim": (("sim/*",), "sim"),
-    "search": (("search/*",), "search"),
+    "leg": (("leg/*", "gait/*", "numerics", "rotations"), ("leg", "gait", "test_numerics.py")),
+    "terrain": (("terrain/*",), ("terrain",)),
+    "swing": (("swing/*",), ("swing",)),
+    "planning": (("foothold/*", "posture/*", "route/*", "series/*", "walk/*"), ("foothold", "posture", "route", "walk")),
+    "sim": (("sim/*", "control/*"), ("sim", "control")),
+    "search": (("search/*", "batch"), ("search", "test_batch*.py")),
 }
 SWAPS = {"minimum": "maximum", "min": "max", "sin": "cos", "any": "all", "argmin": "argmax", "floor": "ceil"}
 SWAPS |= {b: a for a, b in SWAPS.items()}
@@ -123,8 +123,7 @@ def caught_by(fault: Fault, limit: float) -> dict:
         (copy.parent / "shared").symlink_to(ROOT.parent / "shared")
         text = (copy / fault.file).read_bytes()
         (copy / fault.file).write_bytes(text[: fault.start] + fault.new.encode() + text[fault.end :])
-        near = PARTS[fault.part][1]
-        first = sorted(str(x.relative_to(copy)) for x in (copy / "tests").glob(near))
+        first = sorted(str(x.relative_to(copy)) for pattern in PARTS[fault.part][1] for x in (copy / "tests").glob(pattern))
         name = Path(fault.file).stem
         first.sort(key=lambda x: name not in x)
         for tests in (first, ["tests", *(f"--ignore={x}" for x in first)]):

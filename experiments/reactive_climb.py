@@ -24,10 +24,10 @@ from experiments.stairs import unseen
 from jaxleg.batch import over_lanes
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.order import SHIFT, SWING_LEG
-from jaxleg.planner import choose_footholds
+from jaxleg.posture.collision import Sizes
 from jaxleg.search.config import Study, baseline
 from jaxleg.search.lanes import CYCLES, Lab, to_params
-from jaxleg.search.sites import foothold_cells
+from jaxleg.search.sites import site_of
 from jaxleg.sim.reactive import Tick, walk_reactively
 from jaxleg.sim.reflex import Feeling, feeling
 from jaxleg.swing.machine import Mode, extended
@@ -93,8 +93,9 @@ def saving(clocked: dict[str, Any], reactive: dict[str, Any]) -> dict[str, Any]:
 
 def wrong_maps(study: Study, lab: Lab, terrain: HeightMap, vector: np.ndarray, offsets: np.ndarray) -> Site:
     """Maps raised or lowered beyond the first stance, and where they let a foot be placed."""
-    front = float(nominal_stances(to_params(jnp.asarray(vector)), 0, 1)[0, :, 0].max()) + 0.06
-    maps = study.terrains
+    params, sizes = to_params(jnp.asarray(vector)), Sizes.of(lab.robot)
+    first, _ = nominal_stances(params, lab.stations(params, jnp.zeros(()), 0), 1)
+    front = float(first[0, :, 0].max()) + 0.06
 
     @jax.jit
     @jax.vmap
@@ -102,7 +103,7 @@ def wrong_maps(study: Study, lab: Lab, terrain: HeightMap, vector: np.ndarray, o
         x = true.origin[0] + true.resolution * jnp.arange(true.elevation.shape[0])
         error = jnp.where(x > front, offset, 0.0)[:, None].astype(true.elevation.dtype)
         believed = dataclasses.replace(true, elevation=true.elevation + error)
-        return Site(believed, foothold_cells(maps.resolution, float(lab.robot.foot_radius), maps, believed))
+        return site_of(study.terrains, sizes, study.terrains.resolution, believed)
 
     return wrong(terrain, jnp.asarray(offsets))
 
@@ -116,13 +117,11 @@ def climbs(lab: Lab, vector: np.ndarray, terrain: HeightMap, believed: Site, ben
 
 
 def _climb(lab: Lab, vector, feel: Feeling, ticks: int, terrain, believed: Site, bend) -> Tick:
-    params = to_params(jnp.asarray(vector))
-    choice = choose_footholds(lab.robot, params, bend, lab.rectangle, believed, lab.extent, CYCLES)
-    walk = lab.walk(params, believed, choice, bend)
+    vector = jnp.asarray(vector)
+    walk = lab.walk(to_params(vector), believed, lab.choose(vector, believed, bend, CYCLES), bend)
     machine = extended(9, height_share=0.3, back=0.04, allowance=0.05, limit=8.0)
     dt = jnp.asarray(DT, walk.footholds.dtype)
-    settings = lab.settings(bend)
-    return walk_reactively(lab.engine, lab.robot, lab.ground, terrain, walk, settings, machine, feel, dt, ticks)
+    return walk_reactively(lab.engine, lab.robot, lab.ground, terrain, walk, machine, feel, dt, ticks)
 
 
 def row(tick: Tick) -> dict[str, Any]:

@@ -11,7 +11,6 @@ import numpy as np
 from experiments.common import training
 from jaxleg.batch import over_lanes
 from jaxleg.leg.energy import CONVENTIONS, Convention, electrical, motor_power
-from jaxleg.planner import choose_footholds
 from jaxleg.robot import Robot
 from jaxleg.search import descent
 from jaxleg.search.config import Study, baseline, bounds
@@ -54,13 +53,11 @@ def walks(lab: Lab, vectors: np.ndarray, lanes: Lanes, cycles: int = 2, stand: f
 
 
 def _walk(lab: Lab, cycles: int, stand: float, vector, site, bend) -> Trace:
-    params = to_params(vector)
-    choice = choose_footholds(lab.robot, params, bend, lab.rectangle, site, lab.extent, cycles)
-    walk = lab.walk(params, site, choice, bend)
-    track = reference(lab.robot, walk, lab.settings(bend), lab.samples)
+    walk = lab.walk(to_params(vector), site, lab.choose(vector, site, bend, cycles), bend)
+    track = reference(lab.robot, walk, lab.samples)
     track = stand_first(track, stand, STAND_SAMPLES) if stand else track
     meters, kept = record(lab.engine, lab.robot, lab.ground, site.terrain, track, lab.steps)
-    return Trace(meters, kept, walk.footholds[..., :2], choice.status)
+    return Trace(meters, kept, walk.footholds[..., :2], walk.found)
 
 
 def power_over_time(robot: Robot, kept: Record, convention: Convention) -> np.ndarray:

@@ -16,20 +16,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import tyro
-from jaxleg.walk.gaits import GaitPlan, Scene, State, first_state, gait_nodes
 from jaxtyping import Array, Bool, Int
 
 from experiments.common import setup, write
 from experiments.walk_maps import GAIT
 from jaxleg.batch import layout, over_lanes, over_queue, shared_out
+from jaxleg.foothold.cascade import FootholdStatus
 from jaxleg.route.path import BodyPath
-from jaxleg.route.stations import stations
 from jaxleg.search.navigate import MOST, navigator_of
 from jaxleg.series.tree import SearchStatus, advance, begin
 from jaxleg.status import Status
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
-from jaxleg.terrain.obstacles import Obstacles
+from jaxleg.terrain.site import Site
 from jaxleg.viz.navigation import Look, draw_dead_end
+from jaxleg.walk.choose import first_stance, step_nodes
+from jaxleg.walk.feasible import Stance
 from jaxleg.walk.navigation import Navigator
 
 GRID = Grid(70, 36, 0.04, (0.02, 0.02))
@@ -69,56 +70,56 @@ def maps(count: int) -> HeightMap:
     return jax.tree.map(np.asarray, made)
 
 
-class Ground(NamedTuple):
-    """A `Scene` without costs: footholds are ordered by distance alone."""
-
-    terrain: HeightMap
-    valid: Bool[Array, "nx ny"]
-    obstacles: Obstacles
-
-    def scene(self) -> Scene:
-        """With no cost anywhere."""
-        return Scene(self.terrain, self.valid, jnp.zeros((4, 8, *self.valid.shape), self.terrain.origin.dtype), self.obstacles)
-
-
 class Outcome(NamedTuple):
     """How a series of gaits ended: `SearchStatus`, whether the first stance stood, states, steps, candidates tried."""
 
     status: Int[Array, ""]
     stood: Bool[Array, ""]
-    states: State
+    states: Stance
     count: Int[Array, ""]
     visited: Int[Array, ""]
 
 
-def ground(navigator: Navigator, height: HeightMap) -> Ground:
-    """What the search looks at."""
-    return Ground(height, navigator.valid(height), navigator.obstacles(height))
+def ground(navigator: Navigator, height: HeightMap) -> Site:
+    """What the search looks at, but the cost of its footholds."""
+    return Site(height, navigator.valid(height), navigator.obstacles(height))
 
 
-def searched(base: Navigator, grounds: Ground, depth: int, prune: bool = True) -> Outcome:
+def without_cost(site: Site) -> Site:
+    """A site that costs nothing anywhere: footholds are ordered by distance alone."""
+    return site._replace(cost=jnp.zeros((4, 8, *site.valid.shape), site.terrain.origin.dtype))
+
+
+def searched(base: Navigator, grounds: Site, depth: int, prune: bool = True) -> Outcome:
     """The series of gaits along the straight line on all terrains."""
-    one = jnp.ones_like(base.gait.cost_weight)
-    plan = dataclasses.replace(base.gait, prune=prune, cost_weight=0.0 * one, distance_weight=one)
+    one = jnp.ones_like(base.planner.foothold.cost_weight)
+    foothold = dataclasses.replace(base.planner.foothold, cost_weight=0.0 * one, distance_weight=one)
+    series = dataclasses.replace(base.planner.series, prune=prune, depth=depth)
     path = dataclasses.replace(base.settings.path, cells=CELLS)
-    navigator = dataclasses.replace(base, settings=dataclasses.replace(base.settings, path=path))
+    navigator = dataclasses.replace(
+        base,
+        settings=dataclasses.replace(base.settings, path=path),
+        planner=dataclasses.replace(base.planner, foothold=foothold, series=series),
+    )
     share = -(-len(grounds.valid) // jax.local_device_count())
-    return shared_out(functools.partial(_searched, navigator, plan, depth), share)(grounds)
+    return shared_out(functools.partial(_searched, navigator), share)(grounds)
 
 
-def _searched(navigator: Navigator, plan: GaitPlan, depth: int, grounds: Ground) -> Outcome:
+def _searched(navigator: Navigator, grounds: Site) -> Outcome:
     """All terrains of a device through a queue: one that is thrashed through to the end does not keep the others waiting."""
+    planner, robot = navigator.planner, navigator.robot
 
-    def prepare(ground: Ground):
-        route = navigator.route(ground.terrain, straight(ground.terrain))
-        seen = stations(route, navigator.stride, route.direction[0], STEPS // 2 + 3)
-        return seen, *first_state(navigator.robot, plan, ground.scene(), seen)
+    def prepare(site: Site):
+        line = navigator.line(site.terrain, straight(site.terrain))
+        seen = planner.route.stations(planner.gait, line, STEPS // 2 + 3)
+        root, found = first_stance(planner, robot, without_cost(site), seen)
+        return seen, root, jnp.all(found.status != FootholdStatus.NONE)
 
     def nodes(item):
-        return gait_nodes(navigator.robot, plan, item[0].scene(), item[1])
+        return step_nodes(planner, robot, without_cost(item[0]), item[1])
 
     def start(item):
-        series = begin(nodes(item), item[2], STEPS, depth)
+        series = begin(nodes(item), item[2], STEPS, planner.series.depth)
         return series._replace(status=jnp.where(item[3], series.status, SearchStatus.DEAD_END).astype(jnp.int32))
 
     def go(item, series):
@@ -158,7 +159,7 @@ def lost(pruned: Outcome, full: Outcome) -> dict[str, Any]:
     }
 
 
-def picture(grounds: Ground, short: Outcome, long: Outcome, path: Path) -> int | None:
+def picture(grounds: Site, short: Outcome, long: Outcome, path: Path) -> int | None:
     """Draw the terrain where depth 1 gets stuck after most steps and depth 4 goes on."""
     stuck = short.stood & (short.status == SearchStatus.DEAD_END) & (long.status == SearchStatus.FOUND)
     if not stuck.any():

@@ -63,7 +63,7 @@ def row(lab: Lab, trace: Trace, lanes: slice, stand: float) -> dict[str, Any]:
     parts = {convention: spans(power_over_time(lab.robot, kept, convention), kept, stand) for convention in CONVENTIONS}
     walk, still, run = ({convention: part[i] for convention, part in parts.items()} for i in range(3))
     meters = trace.meters
-    speed = float(np.mean(meters.distance[lanes] / (meters.time[lanes] - stand)))
+    speed = float(np.mean(meters.moved[lanes, 0] / (meters.time[lanes] - stand)))
     cot = float(cost_of_transport(run["net"] / speed, lab.robot.mass))
     safety = {"falls": int(np.sum(meters.fell[lanes])), "min_stability_margin": float(np.min(meters.margin[lanes]))}
     return {"power_w": run, "walking_w": walk, "stand_power_w": still, "speed": speed, "cot": cot} | safety

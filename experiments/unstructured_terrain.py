@@ -66,7 +66,7 @@ def body_path(navigator: Navigator, survey: Survey, start: np.ndarray, goal: np.
     """The path with a weight mu_2 of the cost."""
     weights = dataclasses.replace(navigator.settings.path, mu_cost=mu, mu_distance=1.0 - mu)
     other = dataclasses.replace(navigator, settings=dataclasses.replace(navigator.settings, path=weights))
-    return jax.jit(other.path)(survey.scene.terrain, survey.cost.total, jnp.asarray(start), jnp.asarray(goal))
+    return jax.jit(other.path)(survey.site.terrain, survey.cost.total, jnp.asarray(start), jnp.asarray(goal))
 
 
 def on_map(terrain: HeightMap, path: BodyPath) -> np.ndarray:
@@ -78,13 +78,13 @@ def path_row(survey: Survey, path: BodyPath) -> dict[str, float]:
     """Way, and mean cost of the cells entered."""
     cells, heading = (np.asarray(x)[: int(path.length)] for x in (path.cells, path.heading))
     entered = np.asarray(survey.cost.total)[heading[:-1], cells[1:, 0], cells[1:, 1]]
-    way = np.linalg.norm(np.array(HEADINGS)[heading[:-1]], axis=1).sum() * float(survey.scene.terrain.resolution)
+    way = np.linalg.norm(np.array(HEADINGS)[heading[:-1]], axis=1).sum() * float(survey.site.terrain.resolution)
     return {"way_m": float(way), "cost_mean": float(entered.mean()), "cost_greatest": float(entered.max())}
 
 
 def draw_costs(navigator: Navigator, survey: Survey, paths: dict[float, BodyPath], path: Path) -> None:
     """Fig. 11 to 13 in one: features, costs and the two paths."""
-    terrain = survey.scene.terrain
+    terrain = survey.site.terrain
     body = navigator.windows.body
     features = jax.jit(lambda t: body_features(t, navigator.resolution, body))(terrain)
     lines = [(f"mu_2 = {mu}", on_map(terrain, p)) for mu, p in paths.items()]
@@ -96,17 +96,16 @@ def walk(
 ) -> dict[str, Any]:
     """Fig. 14: walk it in MJX, draw it, and again in C MuJoCo."""
     planned = jax.jit(navigator.planned)(survey, walked)
-    seen, shots = filmed(lab, navigator, survey.scene.terrain, planned)
+    seen, shots = filmed(lab, navigator, survey.site.terrain, planned)
     last = int(planned.last)
-    states = jax.tree.map(lambda x: np.asarray(x), walked.states)
-    steps = trail(survey.scene.terrain, walked._replace(states=states), shots, states.pose[0, :2], goal)
-    draw_walk(survey.scene.terrain, survey.scene.valid, steps, folder / "walk.png")
-    ground = survey.scene.terrain
+    steps = trail(survey.site.terrain, walked, shots, walked.walk.poses[0, :2], goal)
+    draw_walk(survey.site.terrain, survey.site.valid, steps, folder / "walk.png")
+    ground = survey.site.terrain
     animate(folder / "walk.gif", ground, shots, lab.robot, FRAME, speed=4.0, route=on_map(ground, walked.path), goal=goal)
     energy = seen.meters.energy
     joules = float(jnp.sum(energy.mechanical_positive + energy.joule))
     result: dict[str, Any] = {
-        "steps": int(walked.count),
+        "steps": int(walked.choices.count),
         "seconds": float(planned.reference.time[last]),
         "fell": bool(seen.meters.fell),
         "energy_j": joules,

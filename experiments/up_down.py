@@ -35,11 +35,11 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     study, lab = setup()
     ground = flat(Grid(80, 40, 0.02, (-0.8, -0.4)))
     walk = up_down(lab.robot, to_params(jnp.asarray(baseline(study, "flat", "traditional"), float)), ground, LOW, HIGH, SECONDS)
-    engine, options = lab.engine, lab.settings(jnp.zeros(()))
+    engine = lab.engine
 
     @jax.jit
     def run():
-        track = reference(lab.robot, walk, options, SAMPLES)
+        track = reference(lab.robot, walk, SAMPLES)
         return record(engine, lab.robot, lab.ground, ground, track, STEPS)
 
     meters, kept = run()

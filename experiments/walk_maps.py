@@ -20,6 +20,7 @@ from jaxleg.batch import layout, over_lanes
 from jaxleg.search.config import Gait
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import MOST, Outcome, navigate, navigator_of, on_valid_cells, simulate_all, survey_all
+from jaxleg.series.tree import CAUSES
 from jaxleg.sim.referee_follow import follow_all
 from jaxleg.status import Status
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
@@ -105,7 +106,7 @@ def refereed(
     part = jax.tree.map(lambda x: x[lanes], (surveys, walked))
     planned = over_lanes(navigator.planned, *layout(count, MOST))(*part)
     cut = [jax.tree.map(lambda x, i=i: x[i, : planned.last[i] + 1], planned.reference) for i in range(count)]
-    grounds = [jax.tree.map(lambda x, i=i: x[i], part[0].scene.terrain) for i in range(count)]
+    grounds = [jax.tree.map(lambda x, i=i: x[i], part[0].site.terrain) for i in range(count)]
     judged = follow_all(lab.robot, grounds, cut, float(lab.ground.friction))
     ours = np.array([float(np.sum(x)) for x in _positive(seen, lanes)])
     theirs = judged.mechanical_positive + judged.joule
@@ -154,10 +155,10 @@ def summary(there: World, walked: Walked, detours: np.ndarray, seen: Outcome, va
         "torque_ratio_greatest": float(seen.torque_ratio[planned].max()),
         "left_worst_m": float(seen.left[success].max()),
         "seconds_mean": float(seen.time[planned].mean()),
-        "steps_mean": float(walked.count[planned].mean()),
-        "tried_a_step": float(walked.visited[planned].sum() / walked.count[planned].sum()),
+        "steps_mean": float(walked.choices.count[planned].mean()),
+        "tried_a_step": float(walked.visited[planned].sum() / walked.choices.count[planned].sum()),
         "with_detours": int((planned & (detours > 0)).sum()),
-        "causes_of_refused_candidates": {c.name.lower(): int(walked.causes[:, c].sum()) for c in Status if c},
+        "causes_of_refused_candidates": {c.name.lower(): int(walked.causes[:, c].sum()) for c in Status if 0 < c < CAUSES},
         "by_kind": {
             kind: {"with_path": int(path[of].sum()), "walked": int(success[of].sum()), "maps": int(of.sum())}
             for kind, of in ((kind, there.kind == k) for k, kind in enumerate(KINDS))

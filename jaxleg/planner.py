@@ -11,17 +11,13 @@
     swing       how does a foot fly                      Cycloid (A, C); the machine that feels (B) flies it in simulation
 
 Paper A is Straight x Cascade x Incentre x Greedy x BySpeed x Cycloid, paper C is Along x Ranked x Plane x Tree x ByAcceleration
-x Cycloid (`walk.presets`); paper B's machine takes the place of a planned swing in any walk. A Planner is a pytree whose numbers
-are leaves; its parts are structure, so lanes of two presets never share a `vmap`.
+x Cycloid (`walk.presets`); paper B's machine takes the place of a planned swing in any walk. A Planner is a pytree: its numbers
+are leaves, its parts are structure, so lanes of two presets never share a `vmap`.
 
 A plan is made in two stages (`walk.choose`, `walk.walk`). First the choices: exact, discrete, without a gradient. Then the walk
 as a differentiable function of the planner's numbers, the robot's and the map's, with the choices held.
 """
 
-import dataclasses
-from typing import no_type_check
-
-import jax
 from jaxtyping import Array, Float
 
 from jaxleg.foothold.cascade import Cascade
@@ -30,13 +26,13 @@ from jaxleg.gait.params import GaitParams
 from jaxleg.gait.timing import ByAcceleration, BySpeed
 from jaxleg.posture.incentre import Incentre
 from jaxleg.posture.plane import Plane
+from jaxleg.pytree import pytree, static
 from jaxleg.route.stations import Along, Straight
 from jaxleg.series.kinds import Greedy, Tree
 from jaxleg.swing.clearance import Cycloid
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Limits:
     """What every step of a walk must keep; every field a leaf."""
 
@@ -44,9 +40,7 @@ class Limits:
     margin: Float[Array, "*batch"]  # least stability margin [m]
 
 
-@no_type_check  # `tree.map` rebuilds it with whatever leaves: axes for `vmap`, None
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Planner:
     """How a walk is planned; see above. `standing` walks begin and end standing, others in mid-gait."""
 
@@ -58,4 +52,11 @@ class Planner:
     timing: BySpeed | ByAcceleration
     swing: Cycloid
     limits: Limits
-    standing: bool = dataclasses.field(default=False, metadata={"static": True})
+    standing: bool = static(False)
+
+    @property
+    def tree(self) -> Tree:
+        """The tree search's numbers. Raises TypeError for a planner that has none."""
+        if not isinstance(self.series, Tree):
+            raise TypeError(f"this planner's series is {type(self.series).__name__}, but must be Tree to be searched")
+        return self.series

@@ -1,15 +1,26 @@
 """Crawls that tests plan: gaits, settings, terrains."""
 
+import dataclasses
 import functools
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxleg.walk.crawl import CrawlSettings
 
+from jaxleg.foothold.cascade import FootholdStatus
+from jaxleg.foothold.rectangle import Extent, SearchRectangle
+from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.params import GaitParams
-from jaxleg.posture.incentre import CogPlan
+from jaxleg.gait.support import CogRule
+from jaxleg.posture.collision import Sizes, robot_obstacles
+from jaxleg.route.stations import Straight
+from jaxleg.status import Status
 from jaxleg.terrain import Grid, flat, rough, stairs
+from jaxleg.terrain.site import Site
+from jaxleg.walk.build import walk
+from jaxleg.walk.choices import no_choice
+from jaxleg.walk.presets import paper_a
 
 GRID = Grid(112, 52, 0.02, (-0.9, -0.51))
 TERRAINS = {
@@ -28,11 +39,49 @@ def gait(height=0.5, offset=-0.1, skew=0.1, step=0.2, length=0.62, width=0.36, s
     return GaitParams(*(jnp.asarray(x, float) for x in (height, offset, skew, step, length, width, swing, shift, hind, lift)))
 
 
+class Options(NamedTuple):
+    """What paper A's planner is told besides the gait."""
+
+    speed: jax.Array
+    bend: jax.Array
+    clearance: jax.Array
+    load_share: jax.Array
+    cog: CogRule
+    threshold: jax.Array
+
+
 def settings(bend=20.0, threshold=0.0, rule="overlap", ratio=0.5):
-    cog = CogPlan(jnp.asarray(ratio), jnp.asarray(threshold), rule)
-    return CrawlSettings(*(jnp.asarray(x, float) for x in (0.05, np.deg2rad(bend), 0.02, 0.1)), cog)
+    numbers = (jnp.asarray(x, float) for x in (0.05, np.deg2rad(bend), 0.02, 0.1))
+    return Options(*numbers, CogRule(jnp.asarray(ratio), rule), jnp.asarray(threshold))
+
+
+SIZES = Sizes(0.02, 0.02, (0.8, 0.24, 0.15))
+NO_SEARCH = SearchRectangle(*(jnp.zeros(()) for _ in range(5)))
+
+
+def crawl(robot, params, options, terrain, offsets, status, sizes=SIZES):
+    """Paper A's walk along +x from the nominal footholds plus offsets (x, y)."""
+    extent, (speed, bend, clearance, load_share, cog, threshold) = Extent((0, 0), 0), options
+    planner = paper_a(params, NO_SEARCH, extent, cog, speed, bend, clearance, load_share, threshold)
+    cycles, dtype = offsets.shape[0] - 1, terrain.elevation.dtype
+    missing = jnp.where(jnp.any(status == FootholdStatus.NONE), Status.NO_FOOTHOLD, Status.OK).astype(jnp.int32)
+    choices = no_choice(cycles, dtype)._replace(offset=offsets, found=status, status=missing)
+    site = Site(terrain, jnp.ones(terrain.elevation.shape, bool), robot_obstacles(sizes, terrain, 0.02))
+    stations = planner.route.stations(planner.gait, None, 2 * cycles + 2)
+    return walk(planner, robot, site, stations, choices)
+
+
+def way_points(walk):
+    """Trunk poses before the first shift, and after each."""
+    return walk.poses[np.r_[0, 1 : walk.steps : 2]]
 
 
 def in_numpy(walk):
-    """Its arrays NumPy's, but for the parameters'."""
-    return jax.tree.map(np.asarray, walk._replace(params=None))._replace(params=walk.params)
+    """Its arrays NumPy's, but for the gait's."""
+    return dataclasses.replace(jax.tree.map(np.asarray, walk), gait=walk.gait)
+
+
+def nominal_along_x(params, count):
+    """Nominal footholds (x, y) of the first stances of a straight walk."""
+    zero = jnp.zeros_like(params.step_length)
+    return nominal_stances(params, Straight(zero).stations(params, None, 2 * count), count)[0]

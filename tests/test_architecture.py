@@ -7,15 +7,15 @@ import pytest
 
 ROOT = Path(__file__).parent.parent / "jaxleg"
 ORDER = (
-    ("about", "batch", "conventions", "files", "npz", "numerics", "rotations", "settings"),
+    ("about", "batch", "conventions", "files", "npz", "numerics", "pytree", "rotations", "settings", "status"),
     ("robot",),
     ("leg",),
     ("terrain",),
     ("gait", "route"),
     ("swing",),
-    ("foothold", "posture"),
-    ("walk",),
+    ("foothold", "posture", "series"),
     ("planner",),
+    ("walk",),
     ("control",),
     ("sim",),
     ("search",),

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from jaxleg.cli.plan import find_terrain, notes, read
-from jaxleg.cli.planning import CAUSES, reasons
+from jaxleg.cli.planning import reasons
 from jaxleg.search.config import Gait, Kind, Study
+from jaxleg.series.tree import CAUSES
 from jaxleg.status import Status
 from jaxleg.terrain import KINDS, Grid
 from jaxleg.terrain.heightmap import HeightMap
@@ -204,7 +205,7 @@ def test_what_is_not_used_of_a_gait_is_said():
 
 class Walk:
     status, visited = Status.DEAD_END, 12
-    causes = np.zeros(8, int)
+    causes = np.zeros(CAUSES, int)
 
 
 def test_a_dead_ends_causes_are_counted():
@@ -212,8 +213,12 @@ def test_a_dead_ends_causes_are_counted():
     lines = reasons(None, Walk, np.zeros(2), np.zeros(2))
     assert "no series of gaits" in lines[0]
     assert "12 candidate states" in lines[1]
-    assert [line.split(maxsplit=1) for line in lines[2:]] == [["5", CAUSES["STABILITY"]], ["3", CAUSES["KINEMATICS"]]]
-    assert set(CAUSES) == {cause.name for cause in Status} - {"NONE"}
+    assert [line.split(maxsplit=1) for line in lines[2:]] == [
+        ["5", STEP_FAULTS[Status.STABILITY]],
+        ["3", STEP_FAULTS[Status.KINEMATICS]],
+    ]
+    assert {*STEP_FAULTS, *FAULTS, Status.OK} == set(Status)
+    assert max(STEP_FAULTS) < CAUSES
 
 
 def test_far_maps_take_far_ends(config, map_file, tmp_path, capsys):

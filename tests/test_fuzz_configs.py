@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import tomli_w
-from jaxleg.walk.crawl import crawl
 
 from jaxleg.cli.study import leg_numbers
 from jaxleg.conventions import InputError
+from jaxleg.gait.support import CogRule
 from jaxleg.search.checks import check_study
 from jaxleg.search.config import Kind, Study, baseline
 from jaxleg.search.lanes import to_params
@@ -22,6 +22,7 @@ from jaxleg.settings import load, to_table
 from jaxleg.status import Status
 from jaxleg.terrain import Grid, flat
 from jaxleg.walk.proxy import evaluate
+from tests.crawls import Options, crawl
 from tests.test_fuzz_robots import CHANGES
 
 pytestmark = pytest.mark.slow
@@ -93,11 +94,14 @@ def walk(pegasus):
 
     @jax.jit
     def lane(vector, options):
-        seen = evaluate(robot, crawl(robot, to_params(vector), options, ground, *none), options)
+        seen = evaluate(robot, crawl(robot, to_params(vector), options, ground, *none))
         return jax.tree.map(jnp.sum, seen.energy), seen.distance, seen.checks
 
     def of(study, lab, kind):
-        options = single(lab.settings(jnp.asarray(np.deg2rad(study.kinds[kind].least_knee_bend_deg))))
+        cog, bend = study.cog, jnp.asarray(np.deg2rad(study.kinds[kind].least_knee_bend_deg))
+        numbers = map(jnp.asarray, (lab.speed, bend, lab.clearance, lab.load_share))
+        rule, threshold = CogRule(jnp.asarray(cog.median_ratio), cog.rule), jnp.asarray(cog.height_threshold)
+        options = single(Options(*numbers, rule, threshold))
         return lane(jnp.asarray(baseline(study, kind, "traditional"), jnp.float32), options)
 
     return of
@@ -134,7 +138,7 @@ def used(walk, robot, study, name):
     for kind, table in study.kinds.items():
         assert np.isfinite([grid(study).resolution, *vars(terrain_settings(table)).values()]).all(), name
         navigator = navigator_of(study, robot, table.gait, study.terrains.resolution)
-        assert all(np.isfinite(x).all() for x in jax.tree.leaves((navigator.gait, navigator.stride, navigator.timing))), name
+        assert all(np.isfinite(x).all() for x in jax.tree.leaves(navigator.planner)), name
         energy, distance, checks = walk(study, lab, kind)
         numbers = [float(x) for x in (*energy, distance, *checks[:-1])]
         assert np.isfinite(numbers).all() or checks.status != Status.OK, (name, numbers)

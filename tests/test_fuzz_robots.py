@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import tomli_w
-from jaxleg.walk.crawl import crawl
 
 from jaxleg.conventions import InputError
 from jaxleg.gait.limits import leg_length
@@ -19,7 +18,7 @@ from jaxleg.robot import load_robot
 from jaxleg.status import Status
 from jaxleg.terrain import Grid, flat
 from jaxleg.walk.proxy import evaluate
-from tests.crawls import gait, settings
+from tests.crawls import crawl, gait, settings
 
 pytestmark = pytest.mark.slow
 
@@ -105,7 +104,7 @@ def walk():
     none = jnp.zeros((3, 4, 2), jnp.float32), jnp.zeros((3, 4), jnp.int32)
 
     def lane(robot, params):
-        seen = evaluate(robot, crawl(robot, params, options, ground, *none), options)
+        seen = evaluate(robot, crawl(robot, params, options, ground, *none))
         return jax.tree.map(jnp.sum, seen.energy), seen.distance, seen.checks
 
     run = jax.jit(jax.vmap(lane, in_axes=(None, 0)))

@@ -15,23 +15,25 @@ from jaxleg.terrain.heightmap import nearest_cell
 from jaxleg.walk.level import level_stance
 from jaxleg.walk.plan_file import save_plan
 
-NAMES = {  # statuses of a planned walk, in words
-    "NO_PATH": "no path leads from start to goal over ground that the body and the feet can cross",
-    "START_BLOCKED": "the ground round the start cannot be walked on",
-    "GOAL_BLOCKED": "the ground round the goal cannot be walked on",
-    "TOO_LONG": "the walk is longer than navigation.path.cells or navigation.path.steps allow",
-    "NO_STANCE": "no valid foothold for some foot at the start",
-    "DEAD_END": "a path is there, but no series of gaits leads along it",
-    "BUDGET": "a path is there, but no series of gaits along it was found within navigation.tree.budget candidates",
+FAULTS = {  # why there is no walk, in words
+    Status.NO_PATH: "no path leads from start to goal over ground that the body and the feet can cross",
+    Status.START_BLOCKED: "the ground round the start cannot be walked on",
+    Status.GOAL_BLOCKED: "the ground round the goal cannot be walked on",
+    Status.TOO_LONG: "the walk is longer than navigation.path.cells or navigation.path.steps allow",
+    Status.NO_STANCE: "no valid foothold for some foot at the start",
+    Status.DEAD_END: "a path is there, but no series of gaits leads along it",
+    Status.BUDGET: "a path is there, but no series of gaits along it was found within navigation.tree.budget candidates",
 }
-CAUSES = {  # of a candidate state that cannot be reached, in words
-    "NO_FOOTHOLD": "no foothold left",
-    "KINEMATICS": "out of reach, a knee too straight or a joint out of its range",
-    "STABILITY": "stability margin too small",
-    "HIND_LEG": "a hind leg touches the ground",
-    "LEFT_LEG": "the left front leg touches the ground",
-    "COLLISION": "the right front leg or the trunk touches the ground",
-    "NOT_FINITE": "unseen ground on the way",
+STEP_FAULTS = {  # why a step cannot be made, in words
+    Status.NO_FOOTHOLD: "no foothold left",
+    Status.KINEMATICS: "out of reach, a knee too straight or a joint out of its range",
+    Status.STABILITY: "stability margin too small",
+    Status.HIND_LEG: "a hind leg touches the ground",
+    Status.LEFT_LEG: "the left front leg touches the ground",
+    Status.COLLISION: "the right front leg or the trunk touches the ground",
+    Status.NOT_FINITE: "unseen ground on the way",
+    Status.TORQUE: "a motor would need more torque than it has",
+    Status.LOAD: "a standing foot would have to pull",
 }
 
 
@@ -84,14 +86,14 @@ def check_stance(task: Any, navigator: Any) -> None:
 def reasons(survey: Any, walk: Any, start: np.ndarray, goal: np.ndarray) -> list[str]:
     """Why there is no walk, with what was counted on the way."""
     status = Status(walk.status)
-    lines = [f"no walk: {NAMES[status.name]}"]
+    lines = [f"no walk: {FAULTS[status]}"]
     ends = {Status.START_BLOCKED: start, Status.GOAL_BLOCKED: goal}
     if status in ends:
         lines[0] += f": {blocked_by(survey, ends[status])}"
-    counts = {cause: int(walk.causes[cause]) for cause in Status if cause != Status.OK and walk.causes[cause]}
+    counts = {cause: int(walk.causes[cause]) for cause in STEP_FAULTS if walk.causes[cause]}
     if counts:
         lines.append(f"{int(walk.visited)} candidate states tried; not reached: {sum(counts.values())}")
-        lines += [f"  {count:6d}  {CAUSES[cause.name]}" for cause, count in sorted(counts.items(), key=lambda x: -x[1])]
+        lines += [f"  {count:6d}  {STEP_FAULTS[cause]}" for cause, count in sorted(counts.items(), key=lambda x: -x[1])]
     return lines
 
 

@@ -28,6 +28,7 @@ from jaxleg.foothold.rectangle import (
 from jaxleg.gait.params import GaitParams
 from jaxleg.leg.kinematics import reach_for_bend
 from jaxleg.numerics import Code, sqrt_safe
+from jaxleg.pytree import pytree, static
 from jaxleg.robot.model import Robot
 from jaxleg.rotations import to_heading
 from jaxleg.terrain.heightmap import HeightMap, nearest_cell
@@ -76,15 +77,14 @@ class Found(NamedTuple):
     usable: Bool[Array, "leg i j"]  # candidates that are footholds of a height that the leg reaches
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Cascade:
     """The search rectangle, and the knee bend that a foothold's height must allow; the extent is static."""
 
     rectangle: SearchRectangle
     least_bend: Float[Array, "*batch"]  # [rad]
-    extent: Extent = dataclasses.field(metadata={"static": True})
-    count: int = dataclasses.field(default=12, metadata={"static": True})  # of candidates that a tree search is offered
+    extent: Extent = static()
+    count: int = static(12)  # of candidates that a tree search is offered
 
     def stance(
         self, robot: Robot, gait: GaitParams, site: Site, nominal: Float[Array, "leg 2"], yaw: Float[Array, ""]

@@ -9,14 +9,14 @@ from jaxtyping import Array, Float, Int
 from jaxleg.foothold.cascade import Footholds, FootholdStatus, Proposal
 from jaxleg.foothold.rectangle import cells_around
 from jaxleg.gait.params import GaitParams
+from jaxleg.pytree import pytree, static
 from jaxleg.robot import Robot
 from jaxleg.rotations import to_heading
 from jaxleg.terrain.heightmap import nearest_cell
 from jaxleg.terrain.site import Site
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Ranked:
     """The rectangle that a leg searches, and what its cells are ranked by; all but the counts leaves."""
 
@@ -24,8 +24,8 @@ class Ranked:
     width: Float[Array, "*batch"]
     cost_weight: Float[Array, "*batch"]  # footholds are ordered by this times their cost ...
     distance_weight: Float[Array, "*batch"]  # ... plus this times the distance to the default one over half the diagonal
-    cells: int = dataclasses.field(metadata={"static": True})  # looked at either way of a default foothold
-    count: int = dataclasses.field(default=12, metadata={"static": True})  # of candidates
+    cells: int = static()  # looked at either way of a default foothold
+    count: int = static(12)  # of candidates
 
     def propose(
         self,

@@ -5,20 +5,18 @@ within it, turned to the heading (reading A10). All of this depends on the recta
 rectangle it is worked out once.
 """
 
-import dataclasses
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxleg.pytree import pytree
 from jaxleg.rotations import to_heading
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class SearchRectangle:
     """The search rectangle and its score; lengths in metres, every field a leaf. Paper A, (8) and (9)."""
 

@@ -1,5 +1,6 @@
 """Where the feet stand nominally: a parallelogram round each station of a route. Paper A, IV.A, Fig. 6a (A7); C, 3.1."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -24,12 +25,17 @@ def nominal_offset(gait: GaitParams, leg: Int[Array, ""]) -> Float[Array, "2"]:
     return jnp.stack([ahead, 0.5 * side * gait.stance_width])
 
 
-def station_of(stance: Int[Array, "*n"], leg: Int[Array, "*n"]) -> Int[Array, "*n"]:
-    """The station at which a leg stands in a stance: the right legs at every other one, the left ones at those between."""
-    return 2 * stance + jnp.asarray(LATER)[leg]
-
-
 def nominal_foothold(gait: GaitParams, stations: Stations, station: Int[Array, ""], leg: Int[Array, ""]) -> Float[Array, "2"]:
     """A leg's nominal foothold (x, y in W) [m] at a station; beyond the last one it stays there."""
     station = jnp.minimum(station, stations.yaw.shape[0] - 1)
     return stations.xy[station] + turned(nominal_offset(gait, leg), stations.yaw[station])
+
+
+def nominal_stances(
+    gait: GaitParams, stations: Stations, stances: int
+) -> tuple[Float[Array, "stance leg 2"], Float[Array, "stance leg"]]:
+    """Nominal footholds (x, y in W) [m] of so many stances, and the headings [rad] of their stations: the right legs stand at
+    every other one, the left legs at those between."""
+    station = jnp.asarray(2 * np.arange(stances)[:, None] + LATER[None], jnp.int32)
+    at = jax.vmap(jax.vmap(lambda s, leg: nominal_foothold(gait, stations, s, leg)), in_axes=(0, None))
+    return at(station, jnp.arange(4)), stations.yaw[jnp.minimum(station, stations.yaw.shape[0] - 1)]

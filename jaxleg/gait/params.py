@@ -1,13 +1,11 @@
 """The planner's continuous parameters."""
 
-import dataclasses
-
-import jax
 from jaxtyping import Array, Float
 
+from jaxleg.pytree import pytree
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+
+@pytree
 class GaitParams:
     """The planner's continuous parameters. Paper A's letter is given where it has one; lengths in metres.
 

@@ -3,10 +3,8 @@
 Points are horizontal (x, y) in W [m].
 """
 
-import dataclasses
 from typing import Literal
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -14,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.conventions import RING
 from jaxleg.numerics import norm_safe
+from jaxleg.pytree import pytree, static
 
 CogPoint = Literal["overlap", "median"]
 
@@ -58,13 +57,12 @@ def overlap_median(
     return vertex + ratio * (0.5 * (front + hind) - vertex)
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class CogRule:
     """Where the centre of gravity stands over the support triangles: the overlap's in-centre, or on its median."""
 
     ratio: Float[Array, "*batch"]  # place on the median: 0 the crossing of the diagonals, 1 the standing side
-    rule: CogPoint = dataclasses.field(default="overlap", metadata={"static": True})
+    rule: CogPoint = static("overlap")
 
 
 def cog_point(

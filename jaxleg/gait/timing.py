@@ -4,8 +4,6 @@ A filling is a pytree with `durations(gait, load_share, moves, legs, way)`: the 
 the leg that swings in it (or `SHIFT`; static), and the way of the whole walk [m].
 """
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,12 +15,12 @@ from jaxleg.gait.params import GaitParams
 from jaxleg.gait.phases import Moves
 from jaxleg.gait.support import stability_margin
 from jaxleg.numerics import norm_safe, sqrt_safe
+from jaxleg.pytree import pytree
 
 PEAK = 5.7735  # greatest acceleration of a minimum-jerk move of length 1 in time 1
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class BySpeed:
     """All half cycles take the same time; a body shift, the hind and the front swing their shares of it. Paper A, II.A."""
 
@@ -44,8 +42,7 @@ def _halves(legs: tuple[int, ...]) -> tuple[int, float]:
     return round(2 * (len(legs) - swings) / swings), swings / 2
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class ByAcceleration:
     """Shifts as fast as the trunk may accelerate and balance allows, swings as fast as the foot may. Paper C, 3.2."""
 

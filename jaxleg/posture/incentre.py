@@ -3,7 +3,6 @@
 Paper A, IV.C (readings A12, A16, A17). One pose for both swings of a side; a trunk pose is (x, y, z, pitch, roll, yaw).
 """
 
-import dataclasses
 from typing import Literal
 
 import jax
@@ -17,20 +16,20 @@ from jaxleg.gait.support import CogRule, cog_point
 from jaxleg.leg.kinematics import reach_for_bend
 from jaxleg.numerics import dot, sqrt_safe
 from jaxleg.posture.body import com_offset, feet_in_trunk
+from jaxleg.pytree import pytree, static
 from jaxleg.robot import Robot
 from jaxleg.rotations import to_heading, trunk_rotation, turned
 
 Lowering = Literal["walk", "way-point"]
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Incentre:
     """How way-points of the centre of gravity are placed (paper A, IV.C; C, (21))."""
 
     cog: CogRule
     height_threshold: Float[Array, "*batch"]  # a smaller change of a way-point's height is suppressed [m]
-    lowering: Lowering = dataclasses.field(default="walk", metadata={"static": True})  # all way-points alike, or each by itself
+    lowering: Lowering = static("walk")  # all way-points alike, or each by itself
 
     shared = True  # one pose for both swings of a side
 

@@ -1,8 +1,5 @@
 """The trunk parallel to the plane of the feet, its centre of mass over the triangles. Paper C, 3.1: (21), Fig. 4 (C10, C11)."""
 
-import dataclasses
-
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -11,12 +8,12 @@ from jaxleg.gait.params import GaitParams
 from jaxleg.gait.support import CogRule, cog_point
 from jaxleg.numerics import inverse3_safe, matvec
 from jaxleg.posture.body import com_offset
+from jaxleg.pytree import pytree
 from jaxleg.robot import Robot
 from jaxleg.rotations import turned
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Plane:
     """How the trunk is held over the feet; every field but the rule's name a leaf."""
 

@@ -1,14 +1,12 @@
 """`Robot`: geometry, masses, motors and limits of a quadruped as one pytree."""
 
-import dataclasses
-
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxleg.pytree import pytree
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+
+@pytree
 class Robot:
     """A quadruped: a trunk and four legs of three revolute joints (hip roll, thigh pitch, knee pitch).
 

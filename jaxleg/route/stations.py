@@ -5,7 +5,6 @@ the path's direction, and goes on along the path only as far as the turn leaves 
 sharply than that, the robot moves sideways for a while (crabs).
 """
 
-import dataclasses
 from typing import NamedTuple
 
 import jax
@@ -13,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxleg.gait.params import GaitParams
+from jaxleg.pytree import pytree
 from jaxleg.rotations import turned
 
 
@@ -61,14 +61,13 @@ def _along(points, along, at):
     return jnp.stack([jnp.interp(at, along, points[:, axis]) for axis in (0, 1)], axis=-1)
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Straight:
     """The straight route along a heading: a stance that goes on by half a step a half cycle. Paper A, IV.A."""
 
     heading: Float[Array, "*batch"]  # [rad]
 
-    def stations(self, gait: GaitParams, line: None, count: int) -> Stations:
+    def stations(self, gait: GaitParams, line: Line | None, count: int) -> Stations:
         """`count` stations; the stance that the walk begins in, its right feet at the first station and its left ones at the
         second, is centred on the origin."""
         del line
@@ -77,8 +76,7 @@ class Straight:
         return Stations(xy, jnp.full(count, self.heading), jnp.asarray(count, jnp.int32))
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Along:
     """The route along a body path."""
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from jaxleg.gait.params import GaitParams
-from jaxleg.gait.support import CogRule
+from jaxleg.gait.support import CogPoint
 from jaxleg.leg.energy import Convention
 from jaxleg.settings import setting
 from jaxleg.walk.config import Navigation
@@ -115,7 +115,7 @@ class Rectangle:
 class Cog:
     """Way-points of the centre of gravity (paper A, IV.C; C, (21))."""
 
-    rule: CogRule = setting("overlap", help="in-centre of the support triangles' overlap, or a point on its median")
+    rule: CogPoint = setting("overlap", help="in-centre of the support triangles' overlap, or a point on its median")
     median_ratio: float = setting(0.5, min=0.0, max=1.0, help="of the rule median: 0 the diagonals' crossing, 1 the side")
     height_threshold: float = setting(0.01, min=0.0, max=0.5, unit="m", help="smaller changes of height are suppressed")
 

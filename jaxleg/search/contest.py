@@ -41,7 +41,7 @@ def contest(score: Score, meters: Meters, least_bend: np.ndarray, contestants: i
     """Arrange flat lanes (contestant by contestant) for comparison."""
     fields = Contest(
         energy=score.energy,
-        distance=meters.distance,
+        distance=meters.moved[..., 0],
         time=meters.time,
         slip=meters.slip.mean(axis=-1),
         margin=meters.margin,

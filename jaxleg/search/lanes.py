@@ -23,7 +23,7 @@ from jaxleg.gait.support import CogRule
 from jaxleg.leg.energy import CONVENTIONS, Convention, Power, electrical
 from jaxleg.planner import Planner
 from jaxleg.robot import Robot
-from jaxleg.route.stations import Stations
+from jaxleg.route.stations import Stations, Straight
 from jaxleg.search.config import Cog
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
@@ -113,21 +113,21 @@ class Lab:
         numbers = self.speed, least_bend, self.clearance, self.load_share, threshold
         return paper_a(params, self.rectangle, self.extent, CogRule(ratio, self.cog.rule), *numbers)
 
-    def stations(self, params: GaitParams, least_bend: Float[Array, ""], cycles: int = CYCLES) -> Stations:
+    def stations(self, params: GaitParams, cycles: int = CYCLES) -> Stations:
         """Stations of a walk of so many cycles."""
-        return self.planner(params, least_bend).route.stations(params, None, 2 * cycles + 2)
+        return Straight(self.rectangle.heading).stations(params, None, 2 * cycles + 2)
 
     def walk(self, params: GaitParams, site: Site, choice: Choices, least_bend: Float[Array, ""]) -> Walk:
         """The walk of one lane with its footholds chosen."""
         cycles = choice.adjust.shape[0] // 4
-        return build(self.planner(params, least_bend), self.robot, site, self.stations(params, least_bend, cycles), choice)
+        return build(self.planner(params, least_bend), self.robot, site, self.stations(params, cycles), choice)
 
     def choose(
         self, vector: Float[Array, "parameter"], site: Site, least_bend: Float[Array, ""], cycles: int = CYCLES
     ) -> Choices:
         """The footholds of one lane; no gradient."""
         params = to_params(vector)
-        stations = self.stations(params, least_bend, cycles)
+        stations = self.stations(params, cycles)
         return choose(self.planner(params, least_bend), self.robot, site, stations, 4 * cycles)[0]
 
     def proxy(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> Score:
@@ -158,7 +158,7 @@ class Lab:
     def followed(self, plan: LanePlan, site: Site, setting: Setting) -> tuple[Score, Meters]:
         """Judge one lane's plan by MJX; the constraints are those of the plan."""
         meters = simulate(self.engine, self.robot, self.ground, site.terrain, plan.reference, self.steps)
-        energy = per_metre(meters.energy, meters.distance)
+        energy = per_metre(meters.energy, meters.moved[0])
         objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(plan.slack)
         return Score(objective, energy, plan.slack, plan.checks), meters
 

@@ -55,7 +55,9 @@ def first_of_each(rows: np.ndarray) -> np.ndarray:
 
 @functools.partial(jax.jit, static_argnums=range(6))
 def _build(generator, grid, first, settings, sizes, maps, key, difficulties):
-    terrain = jax.lax.optimization_barrier(terrain_batch(generator, grid, key, first, difficulties, settings))  # or XLA folds flat ground
+    terrain = jax.lax.optimization_barrier(
+        terrain_batch(generator, grid, key, first, difficulties, settings)
+    )  # or XLA folds flat ground
     return jax.lax.map(functools.partial(site_of, maps, sizes, grid.resolution), terrain, batch_size=BATCH)
 
 

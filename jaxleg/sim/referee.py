@@ -30,7 +30,7 @@ class Verdict(NamedTuple):
     mechanical: float  # [J]
     mechanical_positive: float
     joule: float
-    distance: float
+    moved: np.ndarray  # how far the trunk has come (x, y) [m]
     time: float
     slip: float  # mean of the feet [m]
     margin: float  # least stability margin [m]
@@ -128,7 +128,7 @@ def _verdict(robot, terrain, reference, states, sensors, control, metered_from) 
         mechanical=float(power.sum() * STEP),
         mechanical_positive=float(np.maximum(power, 0.0).sum() * STEP),
         joule=float((current**2).sum() * float(robot.resistance) * STEP),
-        distance=float(q[-1, 0] - q[first - 1, 0]),
+        moved=q[-1, :2] - q[first - 1, :2],
         time=float(len(power) * STEP),
         slip=float((moved * held).sum(axis=0).mean()),
         margin=float(np.min(margin, initial=np.inf)),

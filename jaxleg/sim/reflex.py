@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxleg.numerics import norm_safe
+from jaxleg.pytree import pytree
 from jaxleg.robot import Robot
 from jaxleg.swing.arc import period, point_at
 from jaxleg.swing.bounds import swing_bounds
@@ -22,8 +23,7 @@ PLACES = 9  # of the step at which its bounds are taken
 SETTLE = 0.1  # a contact that lasts so long into the next segment is a new one [s]
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Feeling:
     """How contacts are felt; every field a leaf."""
 

@@ -32,7 +32,7 @@ class Meters(NamedTuple):
     """What a rollout measured over its metered cycles. The one definition of energy, margin, slip and fall."""
 
     energy: Power  # by joint (leg, joint) [J]: torque the implicit step applied times mid-step speed
-    distance: Float[Array, ""]  # forward way of the trunk [m]
+    moved: Float[Array, "2"]  # how far the trunk has come (x, y) [m]
     time: Float[Array, ""]  # [s]
     slip: Float[Array, "leg"]  # way of the loaded foot along the ground [m]
     penetration: Float[Array, ""]  # greatest [m]
@@ -45,7 +45,7 @@ class Sums(NamedTuple):
     """What adds up, as in `Meters`."""
 
     energy: Power
-    distance: Float[Array, ""]
+    moved: Float[Array, "2"]
     time: Float[Array, ""]
     slip: Float[Array, "leg"]
 
@@ -126,7 +126,7 @@ def _follow(engine, robot, ground, terrain, reference, steps, metered_from, keep
 def no_tally(dtype) -> Tally:
     """Meters that have seen nothing."""
     zero, joints = jnp.zeros((), dtype), jnp.zeros((4, 3), dtype)
-    none = Sums(Power(joints, joints, joints), zero, zero, joints[:, 0])
+    none = Sums(Power(joints, joints, joints), jnp.zeros(2, dtype), zero, joints[:, 0])
     return Tally(none, none, zero, jnp.full((), jnp.inf, dtype), zero)
 
 
@@ -141,7 +141,7 @@ def measure(tally: Tally, seen: Measured, after: State, before: State, counts: B
     loaded = held.normal_force > LOADED
     more = Sums(
         energy=jax.tree.map(lambda p: dt * p, seen.power),
-        distance=after.q[0] - before.q[0],
+        moved=after.q[:2] - before.q[:2],
         time=dt,
         slip=dt * jnp.where(loaded, held.sliding, 0.0),
     )

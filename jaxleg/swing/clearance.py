@@ -1,13 +1,12 @@
 """How high a planned swing must go: over the ground under all of its way. Paper B, (2); C, Table 1."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from jaxleg.gait.params import GaitParams
+from jaxleg.pytree import pytree
 from jaxleg.robot import Robot
 from jaxleg.swing.cycloid import cycloid_advance, cycloid_lift
 from jaxleg.terrain.obstacles import Obstacles, highest_near
@@ -15,8 +14,7 @@ from jaxleg.terrain.obstacles import Obstacles, highest_near
 LOOKS = np.linspace(0.15, 0.85, 33)  # shares of a swing at which its ground is looked at: every 1/14 step at most
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Cycloid:
     """How a foot flies that follows a plan: along a compound cycloid; every field a leaf."""
 

@@ -7,7 +7,6 @@ asks for. Both are plain functions of arrays; `swing/blind.py` drives them segme
 `printed` and `extended` are two sets of `Machine` parameters of the same program.
 """
 
-import dataclasses
 from typing import NamedTuple
 
 import jax
@@ -16,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.numerics import Code
+from jaxleg.pytree import pytree
 from jaxleg.swing.arc import Arc
 
 
@@ -41,8 +41,7 @@ class Mode(Code):
     STALLED = 16  # gave up: no station left, or out of segments
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Machine:
     """Parameters of the machine; every field a leaf. Lengths in the unit of the map (dimensionless in paper B)."""
 

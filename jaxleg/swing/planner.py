@@ -1,20 +1,18 @@
 """The informed planner's parameters, what it sees of a map, and what it predicts after a collision. Paper B, III.C."""
 
-import dataclasses
 from collections.abc import Callable
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxleg.pytree import pytree, static
 from jaxleg.swing.localmap import LocalMap, points, widened, with_block, with_felt_error, with_flat_patch, with_ramp
 from jaxleg.swing.machine import Machine, Mode, Sensed, Step, check_positive
 from jaxleg.swing.route import Route
 from jaxleg.swing.routing import WINDOW, View, field_as_printed, field_repaired, taut_string
 
 
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Planner:
     """Parameters of the informed planner: B's Table I, and what its repairs need. Lengths in the unit of the map."""
 
@@ -29,7 +27,7 @@ class Planner:
     margin: Float[Array, "*batch"]  # landings keep this far from the ends of En
     gentle: Float[Array, "*batch"]  # slope from which on a landing is avoided
     press: Float[Array, "*batch"]  # a route ends this far below the believed ground, to feel it
-    route: Callable[[View], Route] = dataclasses.field(metadata=dict(static=True))
+    route: Callable[[View], Route] = static()
 
 
 def as_printed(**changes: float) -> Planner:

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import no_type_check
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +9,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from jaxleg.conventions import InputError
+from jaxleg.pytree import pytree
 from jaxleg.terrain.heightmap import HeightMap
 
 BATCH = 16  # terrains made at once
@@ -38,9 +38,7 @@ class Grid:
         return HeightMap(elevation, jnp.array(self.origin, elevation.dtype), jnp.array(self.resolution, elevation.dtype))
 
 
-@no_type_check  # see HeightMap
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class TerrainSettings:
     """What the generators make at difficulty 1; every field a leaf."""
 

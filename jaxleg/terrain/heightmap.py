@@ -6,19 +6,15 @@ cross derivatives are 0. So the surface goes through the centres, is once contin
 neighbours along grid lines (flat treads stay flat), and its second derivative exists but on the grid lines.
 """
 
-import dataclasses
-from typing import no_type_check
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxleg.numerics import of_one_rank
+from jaxleg.pytree import pytree
 
 
-@no_type_check  # `tree.map` rebuilds it through __init__ with whatever leaves: axes for `vmap`, None
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class HeightMap:
     """Elevation over world x (axis 0) and y (axis 1), at least 4 x 4 cells; NaN marks cells nobody has seen.
 

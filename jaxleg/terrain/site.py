@@ -13,5 +13,5 @@ class Site(NamedTuple):
 
     terrain: HeightMap
     valid: Bool[Array, "nx ny"]  # where a foot may stand
-    obstacles: Obstacles | None = None  # for those who look at what legs, trunk and swings clear
-    cost: Float[Array, "leg heading nx ny"] | None = None  # of standing there, in [0, 1] (C6); for those who rank by it
+    obstacles: Obstacles = None  # ty: ignore[invalid-assignment]  a choice of cells alone needs none
+    cost: Float[Array, "leg heading nx ny"] = None  # ty: ignore[invalid-assignment]  of standing there, in [0, 1] (C6), if asked

@@ -17,9 +17,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
 
 from jaxleg.conventions import LEG_SIDE, LEGS, RING
-from jaxleg.foothold.cascade import FootholdStatus
+from jaxleg.foothold.cascade import Footholds, FootholdStatus
 from jaxleg.foothold.rectangle import SearchRectangle, best_first, candidates, cells_around, extent_of, feasible_score
-from jaxleg.planner import Choice
 from jaxleg.terrain.heightmap import nearest_cell
 from jaxleg.terrain.site import Site
 from jaxleg.viz.style import (
@@ -54,12 +53,12 @@ FORWARD, LEFT = "x [m]", "y [m]"
 
 
 class Planned(NamedTuple):
-    """A call of `plan_footholds`."""
+    """Stances whose footholds have been chosen."""
 
     site: Site
     rectangle: SearchRectangle
     nominal: np.ndarray  # (stance, leg, xy) in W [m]
-    choice: Choice
+    choice: Footholds  # leading axis stance
 
     def chosen(self) -> np.ndarray:
         """Footholds (stance, leg, xy) in W [m]; one that was not found stays at its nominal foothold."""

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxleg.conventions import LEFT_LEGS
-from jaxleg.gait.nominal import nominal_offset
+from jaxleg.gait.nominal import nominal_offset, nominal_stances
 from jaxleg.gait.order import SHIFT, STEP_LEGS
 from jaxleg.gait.phases import Layout, Moves, Phases, layout
 from jaxleg.numerics import norm_safe
@@ -26,7 +26,7 @@ from jaxleg.series.kinds import Tree
 from jaxleg.terrain.ground import on_ground
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.site import Site
-from jaxleg.walk.choices import Choices, nominal_stances
+from jaxleg.walk.choices import Choices
 from jaxleg.walk.data import Walk
 from jaxleg.walk.trajectory import foot_path, trunk_path
 
@@ -54,7 +54,7 @@ def walk(planner: Planner, robot: Robot, site: Site, stations: Stations, choices
         way=way,
         lowering=lowering,
         phases=Phases(jnp.cumsum(duration) - duration, duration, *moves),
-        used=jnp.asarray(shape.step) < choices.count + jnp.asarray(shape.leg == SHIFT, jnp.int32),
+        used=jnp.asarray(shape.step - (shape.leg == SHIFT), jnp.int32) < choices.count,
         load_share=planner.swing.load_share,
         status=choices.status,
         legs=legs,
@@ -126,7 +126,7 @@ def _in_mid_gait(planner, robot, terrain, stations, offset, feet):
 
 def _moves(planner, robot, site, shape: Layout, course: _Course) -> Moves:
     """What moves in each phase; beyond the last step everything stands."""
-    step, count = jnp.asarray(shape.step), course.count
+    step, count = jnp.asarray(shape.step, jnp.int32), course.count
     last = course.feet.shape[0] - 1
     before = course.feet[jnp.minimum(jnp.minimum(step, count), last)]
     after = course.feet[jnp.minimum(jnp.minimum(step + 1, count), last)]
@@ -152,7 +152,7 @@ def _flights(planner, robot, site, shape: Layout, count, before, after):
     leg = shape.leg[row]
     start, end = before[row, leg], after[row, leg]
     apex = jax.vmap(planner.swing.apex, in_axes=(None, None, None, 0, 0))(robot, planner.gait, site.obstacles, start, end)
-    on = (jnp.asarray(shape.step[row]) < count).astype(apex.dtype)
+    on = (jnp.asarray(shape.step[row], jnp.int32) < count).astype(apex.dtype)
     none = jnp.zeros((len(shape.leg), 4), apex.dtype)
     return {"apex": none.at[row, leg].set(apex * on), "swings": none.at[row, leg].set(on)}
 
@@ -189,8 +189,9 @@ def _down(shape: Layout, moves: Moves, poses, down):
 
 
 def _way(planner, stations, poses, count):
-    """Way of the walk [m]: along its stations, or of the trunk where it goes on as it began."""
+    """Way of the walk [m]: along its stations, or of the trunk along its heading where it goes on as it began."""
     if not planner.standing:
-        return norm_safe(poses[-1, :2] - poses[0, :2])
+        ahead = stations.xy[-1] - stations.xy[0]
+        return jnp.sum((poses[-1, :2] - poses[0, :2]) * ahead) / norm_safe(ahead)
     moved = norm_safe(jnp.diff(stations.xy, axis=0))
-    return jnp.sum(jnp.where(jnp.arange(moved.shape[0]) < count // 2, moved, 0.0))
+    return jnp.sum(jnp.where(jnp.arange(moved.shape[0], dtype=jnp.int32) < count // 2, moved, 0.0))

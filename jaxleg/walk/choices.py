@@ -2,14 +2,9 @@
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxleg.conventions import LEGS
-from jaxleg.gait.nominal import nominal_foothold, station_of
-from jaxleg.gait.params import GaitParams
-from jaxleg.route.stations import Stations
 from jaxleg.status import Status
 
 
@@ -22,16 +17,6 @@ class Choices(NamedTuple):
     adjust: Int[Array, "step 3"]  # steps away from the default height, pitch and roll
     count: Int[Array, ""]  # steps
     status: Int[Array, ""]  # Status
-
-
-def nominal_stances(
-    gait: GaitParams, stations: Stations, stances: int
-) -> tuple[Float[Array, "stance leg 2"], Float[Array, "stance leg"]]:
-    """Nominal footholds (x, y in W) [m] of so many stances, and the headings [rad] of their stations."""
-    leg = jnp.broadcast_to(jnp.arange(len(LEGS)), (stances, len(LEGS)))
-    station = station_of(jnp.broadcast_to(jnp.arange(stances)[:, None], leg.shape), leg)
-    at = jax.vmap(jax.vmap(lambda s, leg: nominal_foothold(gait, stations, s, leg)))(station, leg)
-    return at, stations.yaw[jnp.minimum(station, stations.yaw.shape[0] - 1)]
 
 
 def no_choice(cycles: int, dtype: jnp.dtype) -> Choices:

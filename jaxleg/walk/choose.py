@@ -7,7 +7,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxleg.foothold.cascade import FootholdStatus
 from jaxleg.foothold.ranked import Proposal
-from jaxleg.gait.nominal import nominal_foothold
+from jaxleg.gait.nominal import nominal_foothold, nominal_stances
 from jaxleg.gait.order import STEP_LEGS
 from jaxleg.gait.timing import shift_time
 from jaxleg.planner import Planner
@@ -20,7 +20,7 @@ from jaxleg.series.tree import Nodes, SearchStatus, Series, Tried, search
 from jaxleg.status import Status
 from jaxleg.terrain.ground import on_ground
 from jaxleg.terrain.site import Site
-from jaxleg.walk.choices import Choices, nominal_stances
+from jaxleg.walk.choices import Choices
 from jaxleg.walk.feasible import Stance, feasible, holding_power
 
 LEGS_OF = np.array(STEP_LEGS)
@@ -54,7 +54,7 @@ def tree(planner: Planner, robot: Robot, site: Site, stations: Stations, steps: 
     root, first = first_stance(planner, robot, site, stations)
     standing = jnp.all(first.status != FootholdStatus.NONE)
     wanted = jnp.where(standing, jnp.minimum(2 * stations.count, steps), 0)
-    nodes, series = step_nodes(planner, robot, site, stations), planner.series
+    nodes, series = step_nodes(planner, robot, site, stations), planner.tree
     found = search(nodes, root, wanted, steps, series.depth, series.budget)
     return chosen(planner, stations, found, first.status), found
 
@@ -76,7 +76,7 @@ def chosen(planner: Planner, stations: Stations, found: Series, first: Int[Array
         Status.OK,
     )
     how = jnp.zeros((steps // 4 + 1, 4), jnp.int32).at[0].set(first)
-    adjust = jnp.where(walked[:, None], steps_away(found.choice, planner.series.counts), 0)
+    adjust = jnp.where(walked[:, None], steps_away(found.choice, planner.tree.counts), 0)
     return Choices(offset, how, adjust, found.step, status.astype(jnp.int32))
 
 
@@ -93,7 +93,7 @@ def first_stance(planner: Planner, robot: Robot, site: Site, stations: Stations)
 
 def step_nodes(planner: Planner, robot: Robot, site: Site, stations: Stations) -> Nodes:
     """The tree of paper C's search: stances of the steps along the stations."""
-    legs, series = jnp.array(STEP_LEGS), planner.series
+    legs, series = jnp.array(STEP_LEGS), planner.tree
 
     def expand(stance: Stance, step):
         leg, station = legs[step % 4], step // 2 + 2
@@ -131,7 +131,7 @@ def _order(planner: Planner, robot: Robot, site: Site, stance: Stance, leg, seen
     The energy is the power of holding the pose for as long as the shift to it and the swing take: a better pose must be worth
     the time of going there. It is worked out over the best foothold: the pose decides it, the foothold hardly.
     """
-    series = planner.series
+    series = planner.tree
     if series.order == "paper":
         return jnp.arange(series.counts.candidates)
     adjust = adjustment_of(steps_away(np.arange(series.counts.poses), series.counts), series.adjustments)

@@ -1,19 +1,16 @@
 """The data a plan is made of: the walk (footholds, poses, phases) and its sampled reference."""
 
-import dataclasses
-from typing import NamedTuple, no_type_check
+from typing import NamedTuple
 
-import jax
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.gait.order import SHIFT
 from jaxleg.gait.params import GaitParams
 from jaxleg.gait.phases import Phases
+from jaxleg.pytree import pytree, static
 
 
-@no_type_check  # `tree.map` and `vmap` rebuild it with leaves of any shape
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass(frozen=True)
+@pytree
 class Walk:
     """A planned walk; everything continuous is differentiable in the planner's numbers and the map.
 
@@ -32,7 +29,7 @@ class Walk:
     used: Bool[Array, "phase"]
     load_share: Float[Array, ""]  # part of a swing at either end in which the load is transferred
     status: Int[Array, ""]  # Status
-    legs: tuple[int, ...] = dataclasses.field(metadata={"static": True})  # that swings in each phase, or `SHIFT`
+    legs: tuple[int, ...] = static()  # that swings in each phase, or `SHIFT`
 
     @property
     def steps(self) -> int:

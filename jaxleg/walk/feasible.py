@@ -117,7 +117,7 @@ def check_steps(planner: Planner, robot: Robot, ground: Obstacles, walk: Walk) -
         lambda feet, pose, leg, after, to: feasible(robot, planner, ground, Stance(feet, pose), leg, after[leg], to)
     )
     seen = each(walk.feet[step], walk.poses[step], leg, walk.feet[step + 1], walk.poses[step + 1])
-    return jnp.where(jnp.asarray(step) < walk.count, seen, Status.OK)
+    return jnp.where(jnp.asarray(step, jnp.int32) < walk.count, seen, Status.OK).astype(jnp.int32)
 
 
 def count_causes(planner: Planner, robot: Robot, site: Site, walk: Walk) -> Int[Array, "cause"]:

@@ -45,5 +45,5 @@ def level_stance(robot: Robot, planner: Planner) -> LevelStance:
             torque=jnp.max(jnp.abs(torque) / robot.torque_limit),
         )
 
-    adjust = planner.series.adjustments.height
-    return jax.vmap(at)(adjust * jnp.asarray(outwards(planner.series.counts.heights), adjust.dtype))
+    adjust = planner.tree.adjustments.height
+    return jax.vmap(at)(adjust * jnp.asarray(outwards(planner.tree.counts.heights), adjust.dtype))

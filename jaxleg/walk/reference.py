@@ -124,9 +124,21 @@ def reference(robot: Robot, walk: Walk, samples: tuple[int, int]) -> Reference:
 
 def instants(robot: Robot, walk: Walk, samples: tuple[int, int]) -> tuple[Float[Array, "t"], Instant]:
     """Times [s] of the samples of `reference`, and everything about the plan at them."""
-    phase, share = phase_samples(samples, walk.legs)
-    phases, share = jax.tree.map(lambda x: x[phase], walk.phases), jnp.asarray(share, walk.phases.start.dtype)
-    at = jax.vmap(lambda p, s: phase_instant(robot, p, s, walk.gait.lift_share, walk.load_share))(phases, share)
+    return phase_instants(robot, walk.phases, walk.legs, walk.gait.lift_share, walk.load_share, samples)
+
+
+def phase_instants(
+    robot: Robot,
+    phases: Phases,
+    legs: tuple[int, ...],
+    lift_share: Float[ArrayLike, ""],
+    load_share: Float[ArrayLike, ""],
+    samples: tuple[int, int],
+) -> tuple[Float[Array, "t"], Instant]:
+    """Times [s] and instants of any phases, `legs` their swinging leg or `SHIFT`; so many samples a shift and a swing."""
+    phase, share = phase_samples(samples, legs)
+    phases, share = jax.tree.map(lambda x: x[phase], phases), jnp.asarray(share, phases.start.dtype)
+    at = jax.vmap(lambda p, s: phase_instant(robot, p, s, lift_share, load_share))(phases, share)
     return phases.start + share * phases.duration, at
 
 

@@ -10,7 +10,6 @@ import pytest
 from jaxleg.foothold.cascade import FootholdStatus, Reachable, choose, reachable_heights, soft_offset
 from jaxleg.foothold.rectangle import Extent, SearchRectangle, extent_of, feasible_score
 from jaxleg.leg.kinematics import Reach, knee_bend, leg_angles
-from jaxleg.planner import plan_footholds
 from jaxleg.terrain import HeightMap
 from jaxleg.terrain.heightmap import nearest_cell
 from jaxleg.terrain.site import Site
@@ -168,8 +167,8 @@ def test_paper_figure_7_finds_the_cell_and_then_the_longer_rectangle():
 def test_twelve_footholds_in_one_call_are_three_stances():
     ground = site(np.random.default_rng(3).random((80, 50)) < 0.6)
     nominal = NOMINAL - 0.2 + 0.2 * np.arange(3.0)[:, None, None] * [1.0, 0.0]
-    plan = jax.jit(plan_footholds, static_argnums=4)(nominal, rectangle(), ANYWHERE, ground, EXTENT)
-    for offset, place in zip(np.asarray(plan.offset), nominal):
+    along = jax.jit(jax.vmap(one, in_axes=(0, None, None)))(nominal, ground, rectangle())
+    for offset, place in zip(np.asarray(along.offset), nominal):
         np.testing.assert_array_equal(offset, chosen(place, ground, rectangle()).offset)
 
 

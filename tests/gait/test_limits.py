@@ -7,9 +7,8 @@ import pytest
 from scipy.optimize import linprog
 
 from jaxleg.gait.limits import Binding, gait_constraints, gait_region, half_step_skew, search_limit, skew_limits, step_limit
-from jaxleg.gait.nominal import nominal_stances
 from jaxleg.leg.kinematics import Reach, leg_angles
-from tests.crawls import gait
+from tests.crawls import gait, nominal_along_x
 
 
 def test_the_papers_limits(pegasus):
@@ -22,7 +21,7 @@ def test_the_papers_limits(pegasus):
 
 
 def test_stances_are_mirrored_parallelograms():
-    stance = np.asarray(jax.jit(nominal_stances, static_argnums=(1, 2))(gait(step=0.2, skew=0.1, length=0.6, width=0.4), 0, 2))
+    stance = np.asarray(jax.jit(nominal_along_x, static_argnums=1)(gait(step=0.2, skew=0.1, length=0.6, width=0.4), 2))
     left, right = stance[:, [0, 2]], stance[:, [1, 3]]
     np.testing.assert_allclose(left[0] - right[0], [[0.1, 0.4]] * 2)  # before the right legs swing
     np.testing.assert_allclose(left[0] - right[1], [[-0.1, 0.4]] * 2)  # before the left ones: mirrored
@@ -38,7 +37,7 @@ def reaches(robot, ahead, height):
 
 def walks(robot, height, step, search):
     """Feasibility from the walk itself: nominal feet shifted by half a search rectangle, legs tested by kinematics."""
-    before, after = nominal_stances(gait(step=step, skew=0.5 * step, length=0.6, width=0.4), 0, 2)
+    before, after = nominal_along_x(gait(step=step, skew=0.5 * step, length=0.6, width=0.4), 2)
     right_before, right_after, left = before[1, 0], after[1, 0], before[0, 0]
     hip = 0.5 * (right_after + left)  # over the mean front foothold of the new stance
     flying = reaches(robot, right_after + 0.5 * search - hip, height)

@@ -7,7 +7,7 @@ import pytest
 
 from jaxleg.leg.kinematics import foot_position
 from jaxleg.posture.body import joint_angles
-from jaxleg.posture.collision import SHANK, THIGH, leg_clearance, leg_points, trunk_clearance, trunk_spacing
+from jaxleg.posture.collision import SHANK, THIGH, Sizes, leg_clearance, leg_points, trunk_clearance
 from jaxleg.rotations import trunk_rotation
 from jaxleg.terrain import HeightMap
 from jaxleg.terrain.obstacles import obstacles
@@ -32,7 +32,7 @@ def poses(seed, count=12):
 
 @pytest.fixture(scope="module")
 def clearances(pegasus):
-    spacing = trunk_spacing(np.asarray(pegasus.trunk_size))
+    spacing = Sizes.of(pegasus).trunk_spacing
 
     @jax.jit
     def run(elevation, poses, feet):

@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jaxleg.gait.order import STEP_LEGS
-from jaxleg.gait.support import crossing, stability_margin
+from jaxleg.gait.support import CogRule, cog_point, crossing, stability_margin
 from jaxleg.posture.body import com_position, joint_angles
-from jaxleg.posture.incentre import CogPlan
-from jaxleg.posture.plane import PosePlan, cog_point, feet_yaw, plane_height, plane_turn, support_plane, swing_pose
+from jaxleg.posture.plane import Plane, feet_yaw, plane_height, plane_turn, support_plane
 from jaxleg.rotations import trunk_quaternion, trunk_rotation, trunk_spin
+from tests.crawls import gait
 
 stable = jax.jit(stability_margin)
 point_of = jax.jit(cog_point)
@@ -22,11 +22,11 @@ FEET = np.array([[0.36, 0.17, 0.05], [0.24, -0.19, -0.02], [-0.25, 0.18, 0.01], 
 
 
 def cog(rule="median", ratio=0.5):
-    return CogPlan(jnp.array(ratio), jnp.array(0.0), rule)
+    return CogRule(jnp.array(ratio), rule)
 
 
 def plan(weight=0.0, levelling=0.0, **options):
-    return PosePlan(cog(**options), jnp.array(weight), jnp.array(levelling))
+    return Plane(cog(**options), jnp.array(weight), jnp.array(levelling))
 
 
 def test_rotation_and_quaternion_are_scipys():
@@ -105,9 +105,9 @@ def test_the_median_runs_from_the_crossing_to_the_standing_side():
 def test_the_pose_has_its_height_its_centre_of_mass_and_its_turn(pegasus):
     """The five steps of paper C, 3.1, checked on the pose that comes out."""
     target = stepped(FEET, 3, [0.2, 0.02, -0.03])
-    adjust = np.array([0.45, 0.1, -0.05])
-    make = jax.jit(swing_pose)
-    pose, level = (np.asarray(make(pegasus, p, FEET, target, np.array(3), adjust, 0.0)) for p in (plan(), plan(levelling=1.0)))
+    adjust = np.array([0.03, 0.1, -0.05])
+    make = jax.jit(lambda p, *x: p.swing(pegasus, gait(0.42, offset=0.0), *x))
+    pose, level = (np.asarray(make(p, FEET, target, np.array(3), adjust, 0.0)) for p in (plan(), plan(levelling=1.0)))
     plane = plane_of(target, np.array([1.0, 1.0, 1.0, 0.0]))
     np.testing.assert_allclose(pose[2] - height_of(plane, pose[:2]), 0.45, atol=1e-12)
     np.testing.assert_allclose(pose[5], yaw_of(target, 0.0), atol=1e-12)

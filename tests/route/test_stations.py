@@ -5,19 +5,22 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.route.stations import Stride, smooth_route, stations
+from jaxleg.route.stations import Along
+from jaxleg.route.stations import smoothed as smooth
+from tests.crawls import gait
 
-STRIDE = Stride(*(jnp.array(x) for x in (0.2, np.deg2rad(15.0), 0.35)))
-smoothed = jax.jit(lambda points, length, window: smooth_route(points, length, jnp.array(0.02), window, 400))
-placed = jax.jit(lambda route, yaw: stations(route, STRIDE, yaw, 120))
+GAIT = gait(step=0.2, length=0.56, width=0.42)  # 0.35 m from the stance's centre to a foot
+ROUTE = Along(jnp.asarray(np.deg2rad(15.0)))
+smoothed = jax.jit(lambda points, length, window: smooth(points, length, jnp.array(0.02), window, 400))
+placed = jax.jit(lambda line: ROUTE.stations(GAIT, line, 120))
 
 
 def make(points, length, window=0.5):
     return jax.tree.map(np.asarray, smoothed(points, length, window))
 
 
-def along(route, yaw=0.0):
-    return jax.tree.map(np.asarray, placed(route, yaw))
+def along(route):
+    return jax.tree.map(np.asarray, placed(route))
 
 
 def corner(angle, cells=60):
@@ -67,7 +70,7 @@ def test_a_path_that_crosses_west_does_not_jump_by_a_full_turn():
 
 def test_a_path_of_one_cell_has_arrived():
     points = 0.3 + 0.0 * corner(0.0)[0]
-    found = along(make(points, 1), 0.4)
+    found = along(make(points, 1))
     assert found.count == 0
     assert np.all(np.isfinite(found.xy))
     assert np.all(np.isfinite(found.yaw))

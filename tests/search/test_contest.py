@@ -118,10 +118,12 @@ def test_lanes_are_arranged_by_contestant_and_judged():
     status = np.where(np.arange(6) == 4, Status.NO_FOOTHOLD, Status.OK)
     checks = PlanChecks(bend, number, number, number, np.ones(6), number + 0.5, status)
     fell = np.arange(6) == 1
-    meters = Meters(None, number, 2 * number, np.stack([number] * 4, 1) * np.arange(4), number, 3 * number, number, fell)
+    moved, slip = np.stack([number, 0.1 * number], 1), np.stack([number] * 4, 1) * np.arange(4)
+    meters = Meters(None, moved, 2 * number, slip, number, 3 * number, number, fell)
     slack = np.ones((6, len(CONSTRAINTS)))
     seen = contests.contest(Score(number, three, slack, checks), meters, np.full(6, np.deg2rad(20.0)), 2)
     np.testing.assert_array_equal(seen.energy, three.reshape(2, 3, 3))
+    np.testing.assert_array_equal(seen.distance, number.reshape(2, 3))
     np.testing.assert_array_equal(seen.slip, 1.5 * number.reshape(2, 3))
     np.testing.assert_array_equal(seen.margin, 3 * number.reshape(2, 3))
     np.testing.assert_array_equal(seen.lowering, number.reshape(2, 3) + 0.5)

@@ -42,9 +42,9 @@ def test_a_walk_reaches_its_goal_on_valid_cells(planned):
     _, surveys, walked = planned
     assert walked.status[0] == Status.OK
     assert on_valid_cells(surveys, walked)[0]
-    count = int(walked.count[0])
-    assert np.linalg.norm(walked.states.pose[0, count, :2] - GOAL[0]) < 0.2
-    moved = np.abs(np.diff(walked.states.feet[0, : count + 1], axis=0)).max(axis=-1) > 0
+    count = int(walked.choices.count[0])
+    assert np.linalg.norm(walked.walk.poses[0, count, :2] - GOAL[0]) < 0.2
+    moved = np.abs(np.diff(walked.walk.feet[0, : count + 1], axis=0)).max(axis=-1) > 0
     assert np.all(moved.sum(axis=1) <= 1)  # one foot a step
     assert [int(np.argmax(m)) for m in moved[:4]] == [3, 1, 2, 0]  # RH, RF, LH, LF
 

@@ -28,11 +28,11 @@ def test_a_tread_keeps_the_cells_that_the_settings_allow(changes, cells):
     assert np.array_equal(valid, valid[::-1])
 
 
-def test_copies_of_one_ground_count_once():
+def test_copies_of_one_ground_count_once(pegasus):
     """Flat ground is one terrain; rough ground never repeats. Stairs differ by where they begin: the three cells of
     a tread cut its depth into four parts, within which all stairs are the same."""
     kinds = {"flat": Kind(), "rough": Kind("rough"), "stairs": Kind("stairs", run=0.12)}
     study = Study(kinds=kinds, terrains=Terrains(train=60, held_out=9, cells=(24, 12), resolution=0.04))
-    maps = {kind: np.asarray(make_sites(study, 0.02, kind, held_out=False).terrain.elevation) for kind in kinds}
+    maps = {kind: np.asarray(make_sites(study, pegasus, kind, held_out=False).terrain.elevation) for kind in kinds}
     assert [len(maps[kind]) for kind in kinds] == [1, 20, 4]
     assert all(len(np.unique(rows, axis=0)) == len(rows) for rows in maps.values())

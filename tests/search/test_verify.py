@@ -1,10 +1,11 @@
 """The contest on held-out terrains: who walks where, what margins are measured against, which lanes the referee gets."""
 
-from types import SimpleNamespace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from jaxleg.robot import load_robot
 from jaxleg.search import referees, verify
 from jaxleg.search.config import Kind, Search, Study, Terrains, baseline
 from jaxleg.search.lanes import CONSTRAINTS
@@ -17,11 +18,12 @@ STUDY = Study(
     terrains=Terrains(train=8, held_out=10, cells=(24, 12), resolution=0.04),
     search=Search(referee_terrains=5),
 )
+ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
 BEST = np.arange(30.0).reshape(3, 10)
 
 
 def state():
-    return StandInRun(STUDY, StandInLab(), SimpleNamespace(foot_radius=0.02))
+    return StandInRun(STUDY, StandInLab(), load_robot(ROBOT))
 
 
 def test_every_contestant_walks_on_every_held_out_terrain():

@@ -22,7 +22,7 @@ from jaxleg.sim.step import State
 from jaxleg.terrain import Grid, flat
 from jaxleg.walk.reference import reference
 from jaxleg.walk.standing import up_down
-from tests.crawls import gait, settings
+from tests.crawls import gait
 
 LEVEL = flat(Grid(46, 26, 0.04, (-0.9, -0.5)))
 HEIGHT = 0.46  # of the trunk's middle; its lower face is 0.075 m lower, 0.80 x 0.24 m
@@ -57,7 +57,7 @@ def standing(pegasus):
 
     @jax.jit
     def stand(robot):
-        return reference(robot, up_down(robot, gait(), LEVEL, HEIGHT, HEIGHT, 0.05), settings(), (2, 2))
+        return reference(robot, up_down(robot, gait(), LEVEL, HEIGHT, HEIGHT, 0.05), (2, 2))
 
     return jax.tree.map(np.asarray, stand(pegasus))
 

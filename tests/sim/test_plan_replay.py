@@ -14,7 +14,7 @@ from jaxleg.terrain import Grid, flat
 from jaxleg.walk.plan_file import PlanFile
 from jaxleg.walk.reference import reference
 from jaxleg.walk.standing import up_down
-from tests.crawls import gait, settings
+from tests.crawls import gait
 
 GROUND = flat(Grid(60, 40, 0.04, (-1.2, -0.8)))
 FIGURES = {"energy_per_metre", "power", "cost_of_transport", "distance", "time", "margin", "slip", "fell", "finished", "left"}
@@ -22,7 +22,7 @@ FIGURES = {"energy_per_metre", "power", "cost_of_transport", "distance", "time",
 
 @jax.jit
 def standing(robot):
-    return reference(robot, up_down(robot, gait(), GROUND, 0.46, 0.46, 0.05), settings(), (2, 2))
+    return reference(robot, up_down(robot, gait(), GROUND, 0.46, 0.46, 0.05), (2, 2))
 
 
 def plan(pegasus, steps=0, **changes):

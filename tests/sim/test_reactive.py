@@ -10,8 +10,6 @@ import pytest
 from jaxleg.gait.order import SHIFT, SWING_LEG
 from jaxleg.gait.params import GaitParams
 from jaxleg.leg.kinematics import Reach, leg_angles
-from jaxleg.planner import no_choice
-from jaxleg.posture.incentre import CogPlan
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.reactive import walk_reactively
@@ -19,7 +17,8 @@ from jaxleg.sim.reflex import feeling
 from jaxleg.swing.bounds import swing_bounds
 from jaxleg.swing.machine import Mode, extended
 from jaxleg.terrain.generators import Grid, flat
-from jaxleg.walk.crawl import CrawlSettings, crawl
+from jaxleg.walk.choices import no_choice
+from tests.crawls import crawl, settings
 
 DT, TICKS = 0.0025, 2400
 ERROR = np.array([0.03, -0.03])
@@ -31,7 +30,7 @@ def walked(pegasus):
     engine = mjx_engine(pegasus)
     numbers = (0.46, 0.0, 0.0, 0.16, 0.6, 0.36, 0.06, 0.45, 0.5, 0.0)
     params = GaitParams(*(jnp.asarray(x) for x in numbers))
-    settings = CrawlSettings(*(jnp.asarray(x) for x in (0.05, 0.3, 0.02, 0.1)), CogPlan(jnp.asarray(0.5), jnp.asarray(0.01)))
+    options = settings(bend=np.rad2deg(0.3), threshold=0.01)
     machine = extended(9, back=0.04, allowance=0.05, limit=8.0)
     true = flat(Grid(80, 40, 0.04, (-1.2, -0.8)))
 
@@ -39,8 +38,8 @@ def walked(pegasus):
         x = true.origin[0] + true.resolution * jnp.arange(80.0)
         believed = dataclasses.replace(true, elevation=true.elevation + jnp.where(x > 0.36, error, 0.0)[:, None])
         choice = no_choice(1, jnp.asarray(0.0).dtype)
-        walk = crawl(pegasus, params, settings, believed, choice.offset, choice.status)
-        return walk_reactively(engine, pegasus, Ground(), true, walk, settings, machine, feeling(), jnp.asarray(DT), TICKS)
+        walk = crawl(pegasus, params, options, believed, choice.offset, choice.found)
+        return walk_reactively(engine, pegasus, Ground(), true, walk, machine, feeling(), jnp.asarray(DT), TICKS)
 
     return jax.tree.map(np.asarray, jax.jit(jax.vmap(lane))(ERROR))
 

@@ -81,7 +81,7 @@ def test_energy_time_and_distance_are_those_of_the_walk_after_settling(by_hand, 
         np.testing.assert_allclose(verdict.joule, STEP * heat[steps].sum(), rtol=1e-3)
         np.testing.assert_allclose(verdict.mechanical_positive, STEP * np.maximum(power, 0.0)[steps].sum(), rtol=1e-3)
         np.testing.assert_allclose(verdict.mechanical, STEP * power[steps].sum(), rtol=1e-3)
-        np.testing.assert_allclose(verdict.distance, by_hand.later_q[-1, 0] - by_hand.q[steps][0, 0], atol=1e-6)
+        np.testing.assert_allclose(verdict.moved, by_hand.later_q[-1, :2] - by_hand.q[steps][0, :2], atol=1e-6)
     (early, _), (late, _) = verdicts
     assert early.joule - late.joule > 1.0
     assert early.mechanical_positive > 1.3 * late.mechanical_positive
@@ -208,4 +208,4 @@ def test_on_a_slippery_slope_it_slides_down_by_the_friction_it_was_told(pegasus,
     verdict = replay(pegasus, [sloping(0.25, 0.0)], [Reference(np.array([0.0, 0.7]), *held)], 0.1)[0]
     way = 0.5 * GRAVITY * (0.25 - 0.1) * (1.0**2 - 0.3**2) / (1.0 + 0.25**2)
     assert not verdict.fell
-    np.testing.assert_allclose(verdict.distance, -way, rtol=0.05)
+    np.testing.assert_allclose(verdict.moved[0], -way, rtol=0.05)

@@ -12,7 +12,7 @@ from jaxleg.sim.rollout import record, simulate
 from jaxleg.terrain import Grid, flat
 from jaxleg.walk.reference import reference
 from jaxleg.walk.standing import stand_first, up_down
-from tests.crawls import gait, settings
+from tests.crawls import gait
 
 GROUND = flat(Grid(60, 40, 0.03, (-0.9, -0.6)))
 SAMPLES, SECONDS = (12, 12), 1.2
@@ -27,7 +27,7 @@ def rollout(pegasus):
     @jax.jit
     def run(robot):
         walk = up_down(robot, gait(), GROUND, 0.40, 0.46, SECONDS)
-        track = stand_first(reference(robot, walk, settings(), SAMPLES), STAND, 10)
+        track = stand_first(reference(robot, walk, SAMPLES), STAND, 10)
         numbers = engine, robot, Ground(), GROUND, track, 16
         return track, *record(*numbers), simulate(*numbers)
 

@@ -74,7 +74,7 @@ def derivatives(make_engine, pegasus):
         surface = dataclasses.replace(terrain, elevation=terrain.elevation + by["elevation"] * RAISED)
         meters = simulate(make_engine(robot), robot, ground, surface, followed, 10)
         energies = [jnp.sum(electrical(meters.energy, name)) for name in CONVENTIONS]
-        return jnp.stack([*energies, meters.distance, meters.time])
+        return jnp.stack([*energies, meters.moved[0], meters.time])
 
     @jax.jit
     def all_three(at):

@@ -12,12 +12,11 @@ from matplotlib.figure import Figure
 
 from jaxleg.gait.params import GaitParams
 from jaxleg.posture.body import joint_angles
-from jaxleg.posture.incentre import CogPlan
 from jaxleg.robot import load_robot
 from jaxleg.terrain.generators import Grid, flat, stairs
 from jaxleg.viz import figures
-from jaxleg.walk.crawl import CrawlSettings, crawl
 from jaxleg.walk.data import Reference
+from tests.crawls import crawl, settings
 
 ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
 GRID = Grid(56, 26, 0.04, (-0.9, -0.5))
@@ -196,12 +195,12 @@ def phase_starts(robot, walk) -> Reference:
 @pytest.fixture(scope="module")
 def planned(robot):
     params = GaitParams(*map(scalar, (0.47, -0.1, 0.1, 0.2, 0.6, 0.36, 0.08, 0.45, 0.5, 0.1)))
-    settings = CrawlSettings(*map(scalar, (0.05, np.deg2rad(20.0), 0.02, 0.1)), CogPlan(scalar(0.5), scalar(0.01)))
+    options = settings(threshold=0.01)
     offsets, status = jnp.zeros((2, 4, 2), float), jnp.zeros((2, 4), jnp.int32)
 
     @jax.jit
     def plan(terrain):
-        walk = crawl(robot, params, settings, terrain, offsets, status)
+        walk = crawl(robot, params, options, terrain, offsets, status)
         return walk, phase_starts(robot, walk)
 
     return plan

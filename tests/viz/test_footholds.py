@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 
 from experiments import footholds as experiment
 from jaxleg.conventions import InputError
-from jaxleg.foothold.cascade import FootholdStatus, Reachable
+from jaxleg.foothold.cascade import Footholds, FootholdStatus, Reachable
 from jaxleg.foothold.rectangle import SearchRectangle
-from jaxleg.planner import Choice
 from jaxleg.search.config import Rectangle
 from jaxleg.terrain import Grid, HeightMap
 from jaxleg.terrain.files import MapFile, save_map
@@ -52,7 +51,7 @@ def planned(status, offset, heading=0.0, hole=()):
     elevation[hole] = np.nan
     site = Site(GRID.map(jnp.asarray(elevation)), np.ones(elevation.shape, bool))
     box = SearchRectangle(*(jnp.asarray(x, float) for x in (0.3, 0.08, 0.08, 0.5, heading)))
-    choice = Choice(jnp.asarray(offset, float), jnp.asarray(status, jnp.int32))
+    choice = Footholds(jnp.asarray(offset, float), jnp.asarray(status, jnp.int32))
     return Planned(site, box, np.tile(FEET, (len(status), 1, 1)), choice)
 
 

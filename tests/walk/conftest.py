@@ -4,9 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxleg.walk.crawl import crawl
 
-from tests.crawls import in_numpy, settings, terrain_of
+from tests.crawls import crawl, in_numpy, settings, terrain_of
 
 
 @pytest.fixture(scope="session")

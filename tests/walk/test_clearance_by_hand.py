@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxleg.gait.phases import Phases
 from jaxleg.gait.timing import shift_time
-from jaxleg.posture.collision import leg_clearance, trunk_clearance, trunk_spacing
+from jaxleg.posture.collision import Sizes, leg_clearance, trunk_clearance
 from jaxleg.rotations import trunk_quaternion
 from jaxleg.terrain import HeightMap
 from jaxleg.terrain.obstacles import obstacles
@@ -35,7 +35,7 @@ def slanted(pegasus):
 @pytest.fixture(scope="module")
 def clear(pegasus):
     """Clearances of the legs and of the trunk."""
-    spacing = trunk_spacing(np.asarray(pegasus.trunk_size))
+    spacing = Sizes.of(pegasus).trunk_spacing
 
     @jax.jit
     def run(robot, elevation, pose, angles):

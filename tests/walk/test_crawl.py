@@ -10,7 +10,7 @@ from jaxleg.posture.body import com_offset, joint_angles
 from jaxleg.posture.incentre import held_heights
 from jaxleg.terrain import height
 from jaxleg.walk.trajectory import foot_path, trunk_path
-from tests.crawls import gait, settings, terrain_of
+from tests.crawls import gait, settings, terrain_of, way_points
 
 
 def test_a_foot_sweeps_exactly_one_step_round_the_foot_offset(walk_on, pegasus):
@@ -26,9 +26,9 @@ def test_a_foot_sweeps_exactly_one_step_round_the_foot_offset(walk_on, pegasus):
 
 def test_cycles_advance_by_the_step_at_the_speed(walk_on):
     walk = walk_on(gait(step=0.23, skew=0.05))
-    np.testing.assert_allclose(np.diff(walk.waypoints[::2, 0]), 0.23, atol=1e-12)
-    np.testing.assert_allclose(walk.cycle_time, 0.23 / 0.05, rtol=1e-12)
-    np.testing.assert_allclose(walk.phases.duration.sum(), walk.cycle_time.sum(), rtol=1e-12)
+    np.testing.assert_allclose(np.diff(way_points(walk)[::2, 0]), 0.23, atol=1e-12)
+    np.testing.assert_allclose(walk.phases.duration.reshape(2, 6).sum(axis=1), 0.23 / 0.05, rtol=1e-12)
+    np.testing.assert_allclose(walk.way, 2 * 0.23, rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["flat", "rough", "stairs"])
@@ -47,16 +47,16 @@ def test_the_centre_of_mass_stands_over_the_overlap(walk_on, pegasus):
     walk = walk_on(gait())
     feet_before, feet_after = walk.phases.feet_from[1], walk.phases.feet_to[2]  # the right legs' swings
     centre = jax.jit(overlap_incentre)(feet_before[0, :2], feet_before[2, :2], feet_before[1, :2], feet_after[3, :2])
-    com = walk.waypoints[1, :3] + jax.jit(com_offset)(pegasus, walk.waypoints[1], 0.5 * (feet_before + feet_after))
+    com = way_points(walk)[1, :3] + jax.jit(com_offset)(pegasus, way_points(walk)[1], 0.5 * (feet_before + feet_after))
     assert abs(com[1] - centre[1]) < 1e-3
-    np.testing.assert_allclose(walk.waypoints[1, 0] - 0.1, centre[0], atol=1e-12)  # feet 0.1 m behind the hips
+    np.testing.assert_allclose(way_points(walk)[1, 0] - 0.1, centre[0], atol=1e-12)  # feet 0.1 m behind the hips
 
 
 def test_the_median_rule_moves_the_way_points_along_the_median(walk_on):
     """C (21) beside A's in-centre: nearer to the standing side as the ratio grows, the same stance and step."""
-    sway = [walk_on(gait(), rule="median", ratio=ratio).waypoints[1, 1] for ratio in (0.2, 0.8)]
+    sway = [way_points(walk_on(gait(), rule="median", ratio=ratio))[1, 1] for ratio in (0.2, 0.8)]
     assert 0.0 < sway[0] < sway[1]  # the left legs stand first
-    np.testing.assert_allclose(np.diff(walk_on(gait(), rule="median").waypoints[::2, 0]), 0.2, atol=1e-12)
+    np.testing.assert_allclose(np.diff(way_points(walk_on(gait(), rule="median"))[::2, 0]), 0.2, atol=1e-12)
 
 
 @pytest.mark.parametrize("threshold", [0.0, 0.01, 0.05, 10.0])
@@ -71,7 +71,7 @@ def test_small_changes_of_height_are_suppressed(threshold):
 
 
 def test_the_trunk_keeps_its_height_below_the_threshold(walk_on):
-    free, held = (walk_on(gait(0.46), "rough", threshold=x).waypoints[:, 2] for x in (0.0, 1.0))
+    free, held = (way_points(walk_on(gait(0.46), "rough", threshold=x))[:, 2] for x in (0.0, 1.0))
     assert np.ptp(free) > 0.002
     np.testing.assert_allclose(held, held[0], atol=1e-12)
 
@@ -99,7 +99,7 @@ def test_a_trunk_that_fits_is_not_lowered(walk_on):
 
 
 def test_on_stairs_the_trunk_pitches_with_them(walk_on):
-    pitch = walk_on(gait(0.45, step=0.3, skew=0.15, length=0.6), "stairs").waypoints[:, 3]
+    pitch = way_points(walk_on(gait(0.45, step=0.3, skew=0.15, length=0.6), "stairs"))[:, 3]
     np.testing.assert_allclose(pitch, np.arctan2(0.08, 0.30), atol=0.06)
 
 

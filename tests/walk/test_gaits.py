@@ -6,16 +6,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxleg.walk.gaits import Scene, State, footing, gait_nodes, holding_power, swing_apex, transition
 
 from jaxleg.gait.timing import shift_time
-from jaxleg.posture.plane import stand_pose, swing_pose
 from jaxleg.route.stations import Stations
-from jaxleg.series.candidates import adjustment, place_of
+from jaxleg.series.candidates import adjustment_of, place_of, steps_away
 from jaxleg.status import Status
 from jaxleg.swing.cycloid import swing_foot
 from jaxleg.terrain import HeightMap
+from jaxleg.terrain.ground import on_ground
+from jaxleg.terrain.site import Site
+from jaxleg.walk.choose import step_nodes
 from jaxleg.walk.config import Navigation
+from jaxleg.walk.feasible import Stance, feasible, holding_power
 from jaxleg.walk.navigation import make_navigator
 from tests.crawls import gait
 
@@ -42,12 +44,12 @@ def cause(navigator, pegasus):
     @jax.jit
     def run(elevation, target, adjust, moved):
         ground = navigator.obstacles(terrain_of(elevation))
-        feet, plan, yaw = jnp.asarray(FEET), navigator.gait, jnp.array(0.0)
-        start = stand_pose(pegasus, plan.pose, feet, jnp.array([0.46, 0.0, 0.0]), yaw)
-        pose = swing_pose(pegasus, plan.pose, feet, feet.at[LEG].set(target), jnp.array(LEG), adjust, yaw) + moved
-        return transition(pegasus, plan, ground, State(feet, start), jnp.array(LEG), target, pose)
+        feet, plan, yaw = jnp.asarray(FEET), navigator.planner, jnp.array(0.0)
+        start = plan.posture.stand(pegasus, plan.gait, feet, yaw)
+        pose = plan.posture.swing(pegasus, plan.gait, feet, feet.at[LEG].set(target), jnp.array(LEG), adjust, yaw) + moved
+        return feasible(pegasus, plan, ground, Stance(feet, start), jnp.array(LEG), target, pose)
 
-    def ask(elevation=LEVEL, target=TARGET, adjust=(0.46, 0.0, 0.0), moved=STILL):
+    def ask(elevation=LEVEL, target=TARGET, adjust=(0.0, 0.0, 0.0), moved=STILL):
         return Status(int(run(*(jnp.asarray(x) for x in (elevation, target, adjust, moved)))))
 
     return ask
@@ -66,7 +68,7 @@ def test_a_step_on_level_ground_can_be_made(cause):
 
 def test_what_makes_a_step_impossible(cause):
     assert cause(target=TARGET + np.array([0.5, 0.0, 0.0])) == Status.KINEMATICS
-    assert cause(adjust=(0.62, 0.0, 0.0)) == Status.KINEMATICS
+    assert cause(adjust=(0.16, 0.0, 0.0)) == Status.KINEMATICS
     assert cause(moved=np.array([0.0, -0.12, 0, 0, 0, 0])) == Status.STABILITY
     assert cause(elevation=wall(-0.5, -0.2, 0.05, 0.25)) == Status.HIND_LEG  # the knees point backward
     assert cause(elevation=wall(0.16, 0.2, 0.05, 0.25)) == Status.LEFT_LEG
@@ -83,9 +85,13 @@ def test_footholds_are_the_best_valid_cells_of_the_turned_rectangle(navigator, p
     rng = np.random.default_rng(0)
     valid, cost = rng.random(SHAPE) < 0.5, rng.random((4, 8, *SHAPE))
     cost[rng.random(cost.shape) < 0.05] = np.inf
-    scene = Scene(terrain_of(0.02 * rng.normal(size=SHAPE)), jnp.asarray(valid), jnp.asarray(cost), None)
-    plan = navigator.gait
-    find = jax.jit(lambda xy, yaw, leg: footing(pegasus, plan, scene, xy, yaw, leg))
+    site = Site(terrain_of(0.02 * rng.normal(size=SHAPE)), jnp.asarray(valid), None, jnp.asarray(cost))
+    plan = navigator.planner
+
+    @jax.jit
+    def find(xy, yaw, leg):
+        return plan.foothold.propose(pegasus, plan.gait, site, jnp.broadcast_to(xy, (4, 2)), yaw, leg)
+
     for _ in range(6):
         default, yaw, leg = rng.uniform(-0.6, 0.6, 2), rng.uniform(-4.0, 4.0), rng.integers(4)
         rows = []
@@ -99,17 +105,18 @@ def test_footholds_are_the_best_valid_cells_of_the_turned_rectangle(navigator, p
         seen = find(jnp.asarray(default), jnp.array(yaw), jnp.array(leg))
         assert int(seen.exists.sum()) == len(rows)
         np.testing.assert_allclose(np.asarray(seen.cost)[: len(rows)], rows[:, 0], atol=1e-9)
-        np.testing.assert_allclose(np.asarray(seen.foot)[: len(rows), :2], rows[:, 1:], atol=1e-9)
+        np.testing.assert_allclose(np.asarray(seen.xy)[: len(rows)], rows[:, 1:], atol=1e-9)
 
 
 @pytest.fixture(scope="module")
-def swung(navigator):
+def swung(navigator, pegasus):
     """Apex of a swing over a map, and its foot at shares of it."""
 
     @jax.jit
     def run(elevation, start, end, shares):
-        apex = swing_apex(navigator.gait, navigator.obstacles(terrain_of(elevation)), start, end)
-        return apex, jax.vmap(lambda s: swing_foot(start, end, apex, s, navigator.gait.lift_share))(shares)
+        plan = navigator.planner
+        apex = plan.swing.apex(pegasus, plan.gait, navigator.obstacles(terrain_of(elevation)), start, end)
+        return apex, jax.vmap(lambda s: swing_foot(start, end, apex, s, plan.gait.lift_share))(shares)
 
     return run
 
@@ -127,13 +134,13 @@ def test_a_swing_clears_a_block_wherever_it_stands_and_hardly_more(swung, naviga
     wide = 0.5 * SIZE + float(max(pegasus.leg_radius, pegasus.foot_radius))
     near = [np.abs(foot[:, k, None] - ORIGIN[k] - SIZE * np.arange(SHAPE[k])) <= wide for k in (0, 1)]
     ground = np.where(near[0][:, :, None] & near[1][:, None], elevation, 0.0).max(axis=(1, 2))
-    needed = max(np.max(ground / lift) + navigator.gait.clearance, navigator.gait.swing_height)
+    needed = max(np.max(ground / lift) + navigator.planner.swing.clearance, navigator.planner.gait.swing_height)
     assert needed - 1e-9 <= apex <= needed + 0.025
 
 
 def test_a_swing_over_level_ground_is_the_least_one(swung, navigator):
     apex, _ = swung(LEVEL, FEET[LEG], np.add(TARGET, [0.1, 0.05, 0.0]), np.linspace(0.15, 0.85, 701))
-    np.testing.assert_allclose(apex, navigator.gait.swing_height)
+    np.testing.assert_allclose(apex, navigator.planner.gait.swing_height)
 
 
 def test_holding_power_is_least_with_nearly_straight_legs(pegasus):
@@ -146,30 +153,32 @@ def test_holding_power_is_least_with_nearly_straight_legs(pegasus):
 
 def test_the_order_by_energy_is_of_foothold_cost_plus_weighed_energy(navigator, pegasus):
     """Candidate by candidate: the energy is of holding the pose while the trunk shifts to it and RH swings."""
-    plan = dataclasses.replace(navigator.gait, order="energy", energy_weight=jnp.array(3.0), energy=jnp.array(70.0))
-    rng = np.random.default_rng(1)
-    scene = Scene(terrain_of(LEVEL), jnp.ones(SHAPE, bool), jnp.asarray(rng.random((4, 8, *SHAPE))), None)
+    weights = {"order": "energy", "energy_weight": jnp.array(3.0), "energy": jnp.array(70.0)}
+    plan = dataclasses.replace(navigator.planner, series=dataclasses.replace(navigator.planner.series, **weights))
+    counts, rng = plan.series.counts, np.random.default_rng(1)
+    site = Site(terrain_of(LEVEL), jnp.ones(SHAPE, bool), None, jnp.asarray(rng.random((4, 8, *SHAPE))))
     stations = Stations(jnp.zeros((4, 2)), jnp.zeros(4), jnp.array(4))
-    adjust = adjustment(place_of(np.arange(plan.counts.candidates), plan.counts), plan.adjustments, plan.counts)
+    away = steps_away(np.arange(counts.candidates), counts)
     feet, standing, leg = jnp.asarray(FEET), np.arange(4) != LEG, jnp.array(LEG)
 
     @jax.jit
-    def run(adjust):
-        start = stand_pose(pegasus, plan.pose, feet, jnp.array([0.46, 0.0, 0.0]), jnp.array(0.0))
-        seen, order = gait_nodes(pegasus, plan, scene, stations).expand(State(feet, start), jnp.array(0))
-        landed = feet.at[LEG].set(seen.foot[0])
+    def run(away):
+        start = plan.posture.stand(pegasus, plan.gait, feet, jnp.array(0.0))
+        seen, order = step_nodes(plan, pegasus, site, stations).expand(Stance(feet, start), jnp.array(0))
+        landed = feet.at[LEG].set(on_ground(pegasus, site.terrain, seen.xy[0]))
 
-        def energy(adjust):
-            pose = swing_pose(pegasus, plan.pose, feet, landed, leg, adjust, start[5])
-            seconds = shift_time(start, pose, plan.acceleration) + plan.swing_time
+        def energy(away):
+            adjust = adjustment_of(away, plan.series.adjustments)
+            pose = plan.posture.swing(pegasus, plan.gait, feet, landed, leg, adjust, start[5])
+            seconds = shift_time(start, pose, plan.series.acceleration) + plan.series.swing_time
             return holding_power(pegasus, landed, pose, jnp.asarray(standing, float)) * seconds
 
-        return seen.cost, order, jax.lax.map(energy, adjust)
+        return seen.cost, order, jax.lax.map(energy, away)
 
-    cost, order, energy = map(np.asarray, run(adjust))
-    foothold = np.asarray(place_of(np.arange(plan.counts.candidates), plan.counts).foothold)
+    cost, order, energy = map(np.asarray, run(away))
+    foothold = np.asarray(place_of(np.arange(counts.candidates), counts).foothold)
     value = cost[foothold] + 3.0 * energy / 70.0
-    np.testing.assert_array_equal(np.sort(order), np.arange(plan.counts.candidates))
+    np.testing.assert_array_equal(np.sort(order), np.arange(counts.candidates))
     usable = np.isfinite(value[order])
     assert usable.mean() > 0.5
     assert np.all(usable[: usable.sum()])

@@ -6,12 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxleg.walk.crawl import crawl
 
 from jaxleg.leg.energy import electrical
 from jaxleg.status import Status
 from jaxleg.walk.proxy import evaluate
-from tests.crawls import gait, settings, terrain_of
+from tests.crawls import crawl, gait, settings, terrain_of
 
 pytestmark = pytest.mark.slow  # the proxy's gradient is long to compile
 
@@ -25,7 +24,7 @@ def cost(pegasus):
     def energy(vector):
         params = type(gait())(*vector)
         walk = crawl(pegasus, params, settings(), terrain, jnp.zeros((3, 4, 2)), jnp.zeros((3, 4), jnp.int32))
-        seen = evaluate(pegasus, walk, settings())
+        seen = evaluate(pegasus, walk)
         total = jax.tree.map(jnp.sum, seen.energy)
         return electrical(total, "positive") / seen.distance, seen.checks
 

@@ -5,14 +5,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxleg.walk.crawl import crawl
 from scipy.spatial import ConvexHull
 
 from jaxleg.foothold.cascade import FootholdStatus
 from jaxleg.status import Status
 from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import instants, to_reference
-from tests.crawls import gait, in_numpy, settings, terrain_of
+from tests.crawls import crawl, gait, in_numpy, settings, terrain_of
 from tests.motions import Mujoco
 
 FINE = (121, 301)  # samples a shift and a swing
@@ -31,8 +30,8 @@ def lanes(pegasus):
     @jax.vmap
     def run(status):
         walk = crawl(pegasus, gait(0.47), settings(), TERRAIN, jnp.asarray(OFFSETS), status)
-        time, at = instants(pegasus, walk, settings(), FINE)
-        return walk, evaluate(pegasus, walk, settings()), to_reference(time, at), at
+        time, at = instants(pegasus, walk, FINE)
+        return walk, evaluate(pegasus, walk), to_reference(time, at), at
 
     walk, *rest = run(CHOICE)
     return in_numpy(walk), *jax.tree.map(np.asarray, rest)
@@ -110,5 +109,5 @@ def test_the_lowering_is_the_walks(lanes):
 def test_a_leg_without_a_foothold_makes_its_lane_infeasible_and_no_other(lanes):
     walk, proxy, *_ = lanes
     assert proxy.checks.status.tolist() == [Status.NO_FOOTHOLD, Status.OK]
-    for numbers in (walk.footholds, walk.waypoints, *proxy.energy, proxy.checks.margin):
+    for numbers in (walk.footholds, walk.poses, *proxy.energy, proxy.checks.margin):
         np.testing.assert_array_equal(numbers[0], numbers[1])

@@ -12,25 +12,26 @@ from jaxleg.leg.energy import CONVENTIONS, electrical, motor_power
 from jaxleg.leg.kinematics import foot_position
 from jaxleg.status import Status
 from jaxleg.walk.proxy import evaluate
-from jaxleg.walk.reference import instant, phase_samples, reference
-from tests.crawls import gait, settings
+from jaxleg.walk.reference import phase_instant, phase_samples, reference
+from tests.crawls import gait
 
 SAMPLES = (400, 380)
 
 
 @jax.jit
 def sampled(robot, walk):
-    return reference(robot, walk, settings(), SAMPLES)
+    return reference(robot, walk, SAMPLES)
 
 
 @jax.jit
 def instant_at(robot, walk, phase, share):
-    return instant(robot, walk, settings(), jax.tree.map(lambda x: x[phase], walk.phases), share)
+    phase = jax.tree.map(lambda x: x[phase], walk.phases)
+    return phase_instant(robot, phase, share, walk.gait.lift_share, walk.load_share)
 
 
 @jax.jit
 def proxy(robot, walk):
-    return evaluate(robot, walk, settings())
+    return evaluate(robot, walk)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,7 @@ def test_the_samples_are_those_of_the_phases(planned):
     phase, _ = phase_samples(SAMPLES, SWING_LEG * 2)
     assert track.time.shape == (2 * (2 * 400 + 4 * 380) + 1,)
     assert np.all(np.diff(track.time) > 0)
-    np.testing.assert_allclose(track.time[-1], walk.cycle_time.sum())
+    np.testing.assert_allclose(track.time[-1], walk.phases.duration.sum())
     np.testing.assert_allclose(track.time[np.flatnonzero(np.diff(phase)) + 1], walk.phases.start[1:])
     np.testing.assert_allclose(np.linalg.norm(track.trunk_quat, axis=1), 1.0)
 
@@ -102,13 +103,11 @@ def test_the_room_of_the_joints_is_the_least_over_the_walk(planned, pegasus, kne
     np.testing.assert_allclose(proxy(robot, walk).checks.joint_room, room, atol=2e-3)
 
 
-@pytest.mark.parametrize("spoilt", ["waypoints", "cycle_time", "footholds"])
+@pytest.mark.parametrize("spoilt", ["trunk_to", "duration", "feet_to"])
 def test_a_walk_that_is_not_finite_is_never_ok(planned, pegasus, spoilt):
     """The phases are made of all three."""
     walk, _ = planned
-    parts = {"waypoints": "trunk_to", "cycle_time": "duration", "footholds": "feet_to"}
-    rows = getattr(walk.phases, parts[spoilt]).copy()
+    rows = getattr(walk.phases, spoilt).copy()
     rows[3] = np.nan
-    phases = walk.phases._replace(**{parts[spoilt]: rows})
-    bad = walk._replace(phases=phases, **{spoilt: np.full_like(getattr(walk, spoilt), np.nan)})
+    bad = dataclasses.replace(walk, phases=walk.phases._replace(**{spoilt: rows}))
     assert proxy(pegasus, bad).checks.status == Status.NOT_FINITE

@@ -10,7 +10,7 @@ from jaxleg.conventions import GRAVITY
 from jaxleg.terrain import Grid, flat
 from jaxleg.walk.reference import reference
 from jaxleg.walk.standing import stand_first, up_down
-from tests.crawls import gait, in_numpy, settings
+from tests.crawls import gait, in_numpy
 
 GROUND = flat(Grid(40, 30, 0.05, (-1.0, -0.75)))
 LOW, HIGH, SECONDS, SAMPLES = 0.13, 0.58, 2.0, 10
@@ -19,7 +19,7 @@ LOW, HIGH, SECONDS, SAMPLES = 0.13, 0.58, 2.0, 10
 @jax.jit
 def planned(robot):
     walk = up_down(robot, gait(), GROUND, LOW, HIGH, SECONDS)
-    return walk, reference(robot, walk, settings(), (SAMPLES, SAMPLES))
+    return walk, reference(robot, walk, (SAMPLES, SAMPLES))
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,49 @@
+"""The numbers of a planner by name, as "gait.hip_height" or "posture.levelling": what a search may move."""
+
+import dataclasses
+import difflib
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxleg.conventions import InputError
+
+Tree = TypeVar("Tree")
+
+
+def leaf_names(tree: Any) -> list[str]:
+    """Dotted names of all real numbers of a planner."""
+    paths = jax.tree_util.tree_leaves_with_path(tree)
+    return [".".join(str(key.name) for key in path) for path, leaf in paths if jnp.issubdtype(leaf.dtype, jnp.floating)]
+
+
+def read_leaves(tree: Any, names: Sequence[str]) -> Float[Array, "leaf"]:
+    """The numbers of these names. Raises `InputError`, which suggests the nearest name, for one that does not exist."""
+    known = leaf_names(tree)
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"
+            raise InputError(f"search.move names {name!r}, but the planner has no such number; {hint}")
+    return jnp.stack([_get(tree, name.split(".")) for name in names])
+
+
+def with_leaves(tree: Tree, names: Sequence[str], values: Float[Array, "leaf"]) -> Tree:
+    """The planner with the numbers of these names replaced; differentiable in them."""
+    for i, name in enumerate(names):
+        tree = _put(tree, name.split("."), values[i])
+    return tree
+
+
+def _get(tree, path):
+    return _get(getattr(tree, path[0]), path[1:]) if path else tree
+
+
+def _put(tree, path, value):
+    if not path:
+        return value
+    part = {path[0]: _put(getattr(tree, path[0]), path[1:], value)}
+    return tree._replace(**part) if isinstance(tree, tuple) else dataclasses.replace(tree, **part)
