@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxleg.cli.plan import find_terrain, notes, read
-from jaxleg.cli.planning import reasons
+from jaxleg.cli.planning import FAULTS, STEP_FAULTS, reasons
 from jaxleg.search.config import Gait, Kind, Study
 from jaxleg.series.tree import CAUSES
 from jaxleg.status import Status

@@ -21,11 +21,11 @@ def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int
     seen = {name: np.array([getattr(v, name) for v in verdicts], float) for name in Verdict._fields}
     power = Power(*(jnp.asarray(seen[name]) for name in ("mechanical", "mechanical_positive", "joule")))
     total = np.stack([np.asarray(electrical(power, convention)) for convention in CONVENTIONS], axis=-1)
-    way = seen["moved"][:, :1]
+    way = seen["moved"].reshape(-1, 2)[:, :1]
     energy = np.divide(total, way, out=np.full(total.shape, np.nan), where=way != 0.0)  # a fall at once goes nowhere
     infeasible = ~keeps_limits(score.checks, np.asarray(lanes.setting.least_bend))
     number = score.energy.dtype
-    fields = (energy, seen["moved"][:, 0], seen["time"], seen["slip"], seen["margin"])
+    fields = (energy, way[:, 0], seen["time"], seen["slip"], seen["margin"])
     numbers = [np.asarray(x, number) for x in fields] + [score.checks.knee_bend, score.checks.lowering]
     data = Contest(*numbers, seen["fell"].astype(bool), infeasible, score.slack)
     return Contest(*(x.reshape(contestants, -1, *x.shape[1:]) for x in data))
