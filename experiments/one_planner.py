@@ -15,20 +15,30 @@ import numpy as np
 import tyro
 
 from experiments.common import setup, write
+from experiments.walk_maps import GRID as MAP
+from experiments.walk_maps import world
 from jaxleg.batch import layout, over_lanes
+from jaxleg.foothold.cascade import Cascade
+from jaxleg.foothold.rectangle import SearchRectangle, extent_of
+from jaxleg.gait.support import CogRule
 from jaxleg.leg.energy import Power, electrical
 from jaxleg.planner import Planner
+from jaxleg.posture.collision import Sizes
+from jaxleg.posture.incentre import Incentre
 from jaxleg.route.stations import Line, Stations
-from jaxleg.search.config import Gait
-from jaxleg.search.lanes import Lab
+from jaxleg.search.config import Gait, Study, baseline
+from jaxleg.search.lanes import Lab, to_params
 from jaxleg.search.leaves import read_leaves, with_leaves
-from jaxleg.search.navigate import navigator_of, survey_all
+from jaxleg.search.navigate import navigate, navigator_of, simulate_all, survey_all
+from jaxleg.search.sites import site_of
+from jaxleg.series.kinds import Greedy
 from jaxleg.sim.rollout import simulate
 from jaxleg.status import Status
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
 from jaxleg.terrain.site import Site
 from jaxleg.walk.build import walk
 from jaxleg.walk.choices import Choices
+from jaxleg.walk.choose import choose
 from jaxleg.walk.navigation import Navigator
 from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import reference
@@ -44,6 +54,7 @@ STEP = 1e-5  # of a number's scale
 SCALE = np.array([0.2, 0.6, 0.4, 0.1, 0.1, 0.5, 0.1, 0.2, 1.0, 1.0, 1.0, 0.3])
 TARGETS = {"proxy": 1e-4, "simulated, flat": 1e-3, "simulated, rough": 1e-2}
 CYCLES, SAMPLES, STEPS = 2, (60, 50), 3
+HEADINGS = (0.0, 30.0, 77.0, 180.0)  # [deg]
 
 
 class Walks(NamedTuple):
@@ -60,8 +71,77 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     study, lab = setup()
     navigation = dataclasses.replace(study.navigation, path=dataclasses.replace(study.navigation.path, steps=96, cells=120))
     navigator = navigator_of(dataclasses.replace(study, navigation=navigation), lab.robot, GAIT, GRID.resolution)
-    result = {"c_gradients": c_gradients(lab, navigator, 4 if quick else 32)}
+    result = {
+        "headings": headings(study, lab),
+        "a_on_curves": a_on_curves(study, lab, 8 if quick else 64),
+        "c_gradients": c_gradients(lab, navigator, 4 if quick else 32),
+    }
     write("one_planner", out, result)
+
+
+def headings(study: Study, lab: Lab) -> dict[str, Any]:
+    """Energy per metre of paper A's walk on level ground in four directions, by proxy and in MJX."""
+    gait = to_params(jnp.asarray(baseline(study, "flat", "paper")))
+    ground = Grid(151, 151, 0.02, (-1.5, -1.5)).map(jnp.zeros((151, 151)))
+    site = site_of(study.terrains, Sizes.of(lab.robot), 0.02, ground)
+    extent = extent_of(0.38, 0.08, 0.3, 0.02, heading=None)
+    lab.engine  # noqa: B018  built outside of any tracing
+
+    @jax.jit
+    def at(heading):
+        """Proxy's and MJX's energy per metre at one heading [J/m]."""
+        turned = dataclasses.replace(lab, rectangle=dataclasses.replace(lab.rectangle, heading=heading), extent=extent)
+        planner = turned.planner(gait, jnp.asarray(np.deg2rad(20.0)))
+        stations = planner.route.stations(gait, None, 2 * CYCLES + 2)
+        choices, _ = choose(planner, lab.robot, site, stations, 4 * CYCLES)
+        made = walk(planner, lab.robot, site, stations, choices)
+        meters = simulate(lab.engine, lab.robot, lab.ground, ground, reference(lab.robot, made, SAMPLES), STEPS)
+        seen = evaluate(lab.robot, made)
+        ahead = jnp.sum(meters.moved * jnp.stack([jnp.cos(heading), jnp.sin(heading)]))
+        return _electrical(lab, seen.energy) / seen.distance, _electrical(lab, meters.energy) / ahead, meters.fell
+
+    rows = {str(degrees): [float(x) for x in at(jnp.asarray(np.deg2rad(degrees)))] for degrees in HEADINGS}
+    energies = np.array(list(rows.values()))[:, :2]
+    apart = np.ptp(energies, axis=0) / energies.mean(axis=0)
+    print("A at headings:", rows, "apart", apart)
+    return {"proxy_mjx_fell": rows, "apart": apart.tolist()}
+
+
+def a_on_curves(study: Study, lab: Lab, count: int) -> dict[str, Any]:
+    """Paper A's cascade and in-centre posture along the body paths of maps that C's planner walks (difficulty <= 0.6): in C's
+    tree search, and greedily as A has it. Both are followed in MJX."""
+    there = world(count, 0.6)
+    navigator = navigator_of(study, lab.robot, GAIT, MAP.resolution)
+    surveys = survey_all(navigator, there.maps)
+    walked, _ = navigate(navigator, surveys, there.start, there.goal)
+    ours = np.flatnonzero(walked.status == Status.OK)
+    surveys, walked, goal = take(surveys, ours), take(walked, ours), there.goal[ours]
+    rows = {"maps": count, "walked by C": len(ours)}
+    for name, planner in a_planners(study, lab, navigator.planner).items():
+        other = dataclasses.replace(navigator, planner=planner)
+        made = over_lanes(other.along, *layout(len(ours), 8))(surveys.site, walked.path)
+        seen = simulate_all(other, lab.engine, lab.ground, surveys, made, goal)
+        done = (made.status == Status.OK) & seen.finished & (seen.left < 0.3)
+        causes = {Status(i).name: int(n) for i, n in enumerate(made.causes.sum(axis=0)) if n}
+        rows[name] = {"planned": int((made.status == Status.OK).sum()), "walked": int(done.sum())}
+        rows[name] |= {"falls": int(seen.followed.meters.fell.sum()), "causes": causes}
+        print(f"A on curves, {name}: {rows[name]} of {len(ours)}")
+    return rows
+
+
+def a_planners(study: Study, lab: Lab, planner: Planner) -> dict[str, Planner]:
+    """C's planner with A's cascade and posture, its trunk heights searched or lowered way-point by way-point."""
+    box, zero = study.rectangle, jnp.zeros(())
+    numbers = (box.search_length, box.search_width, box.longer, box.nominal_weight, 0.0)
+    rectangle = SearchRectangle(*(zero + x for x in numbers))
+    extent = extent_of(box.search_length + box.longer, box.search_width, 0.3, MAP.resolution, heading=None)
+    parts = {
+        "foothold": Cascade(rectangle, planner.limits.knee_bend, extent),
+        "posture": Incentre(CogRule(zero, "overlap"), zero, "none"),
+    }
+    searched = dataclasses.replace(planner, **parts)
+    greedy = {"posture": Incentre(CogRule(zero, "overlap"), zero, "way-point"), "series": Greedy()}
+    return {"tree": searched, "greedy": dataclasses.replace(searched, **greedy)}
 
 
 def planned(navigator: Navigator, maps: HeightMap) -> tuple[Walks, np.ndarray]:

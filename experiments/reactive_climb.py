@@ -94,7 +94,7 @@ def saving(clocked: dict[str, Any], reactive: dict[str, Any]) -> dict[str, Any]:
 def wrong_maps(study: Study, lab: Lab, terrain: HeightMap, vector: np.ndarray, offsets: np.ndarray) -> Site:
     """Maps raised or lowered beyond the first stance, and where they let a foot be placed."""
     params, sizes = to_params(jnp.asarray(vector)), Sizes.of(lab.robot)
-    first, _ = nominal_stances(params, lab.stations(params, jnp.zeros(()), 0), 1)
+    first, _ = nominal_stances(params, lab.stations(params, 0), 1)
     front = float(first[0, :, 0].max()) + 0.06
 
     @jax.jit

@@ -8,7 +8,6 @@ A result is the `result.json` of a whole run of an experiment (or of `jaxleg sea
 """
 
 import json
-import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,12 @@ from typing import Any
 import jinja2
 import tyro
 
+from jaxleg.files import write_json
 from jaxleg.leg.energy import CONVENTIONS
 
 ROOT = Path(__file__).parent.parent
 README, TEMPLATE, RESULTS = ROOT / "README.md", ROOT / "docs" / "README.in.md", ROOT / "docs" / "results"
+LONGEST = 50  # entries of a list that is taken as it is
 
 
 def main(check: bool = False, take: Path | None = None) -> bool:
@@ -37,10 +38,27 @@ def main(check: bool = False, take: Path | None = None) -> bool:
 
 
 def copy(file: Path) -> str:
-    """Take one run's result under its folder's name."""
+    """Take one run's result under its folder's name; a list of more than `LONGEST` entries as its length and ranges."""
     RESULTS.mkdir(exist_ok=True)
-    shutil.copyfile(file, RESULTS / f"{file.parent.name}.json")
+    write_json(RESULTS / f"{file.parent.name}.json", shortened(json.loads(file.read_text())))
     return file.parent.name
+
+
+def shortened(value: Any) -> Any:
+    """A result with each long list as its `count` and, by the keys of its entries, the least and greatest number."""
+    if isinstance(value, dict):
+        return {name: shortened(entry) for name, entry in value.items()}
+    if isinstance(value, list):
+        return [shortened(entry) for entry in value] if len(value) <= LONGEST else {"count": len(value), "range": span(value)}
+    return value
+
+
+def span(entries: list) -> Any:
+    """The least and greatest of a list's numbers, table by table; None where there are none."""
+    if entries and all(isinstance(entry, dict) for entry in entries):
+        return {name: span([entry[name] for entry in entries if name in entry]) for name in entries[0]}
+    numbers = [entry for entry in entries if isinstance(entry, (int, float))]
+    return [min(numbers), max(numbers)] if numbers else None
 
 
 def render() -> str:
@@ -48,7 +66,7 @@ def render() -> str:
     loader = jinja2.FileSystemLoader(ROOT)
     world = jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, keep_trailing_newline=True, trim_blocks=True)
     world.filters |= {"f": fixed, "pc": percent, "e": lambda x: f"{x:.1e}".replace("e-0", "e-")}
-    world.globals["savings"] = savings
+    world.globals |= {"savings": savings, "row": row}
     results = {file.stem: load(file) for file in sorted(RESULTS.glob("*.json"))}
     return world.get_template(str(TEMPLATE.relative_to(ROOT))).render(**results)
 
@@ -83,6 +101,12 @@ def savings(table: dict, name: str, kind: str) -> str:
     if name not in table:
         return ""
     return " / ".join(percent(table[name][kind][convention]["mean"]) for convention in CONVENTIONS)
+
+
+def row(rows: list[dict], **entries: Any) -> dict:
+    """The one row of a table with these entries."""
+    (found,) = (r for r in rows if entries.items() <= r.items())
+    return found
 
 
 if __name__ == "__main__":

@@ -55,6 +55,11 @@ class Planner:
     standing: bool = static(False)
 
     @property
+    def shared(self) -> bool:
+        """Whether both swings of a side happen in one pose: a search step by step gives each its own."""
+        return self.posture.shared and isinstance(self.series, Greedy)
+
+    @property
     def tree(self) -> Tree:
         """The tree search's numbers. Raises TypeError for a planner that has none."""
         if not isinstance(self.series, Tree):

@@ -20,7 +20,7 @@ from jaxleg.pytree import pytree, static
 from jaxleg.robot import Robot
 from jaxleg.rotations import to_heading, trunk_rotation, turned
 
-Lowering = Literal["walk", "way-point"]
+Lowering = Literal["walk", "way-point", "none"]
 
 
 @pytree
@@ -29,7 +29,7 @@ class Incentre:
 
     cog: CogRule
     height_threshold: Float[Array, "*batch"]  # a smaller change of a way-point's height is suppressed [m]
-    lowering: Lowering = static("walk")  # all way-points alike, or each by itself
+    lowering: Lowering = static("walk")  # all way-points alike, each by itself, or not at all
 
     shared = True  # one pose for both swings of a side
 

@@ -24,7 +24,7 @@ class Plane:
     levelling: Float[Array, "*batch"]  # part of the plane's tilt that the trunk does not follow; 0 is paper C's
 
     shared = False  # each swing has its own pose
-    lowering = None  # heights are chosen, not cut back
+    lowering = "none"  # heights are chosen, not cut back
 
     def swing(
         self,

@@ -36,7 +36,7 @@ RANK = np.argsort(STEP_LEGS)  # of each leg in a cycle's order of swings
 def walk(planner: Planner, robot: Robot, site: Site, stations: Stations, choices: Choices) -> Walk:
     """The walk of a planner along stations with its choices made."""
     steps = choices.adjust.shape[0]
-    shape = layout(steps, planner.posture.shared, planner.standing)
+    shape = layout(steps, planner.shared, planner.standing)
     footholds = chosen_footholds(planner, robot, site.terrain, stations, choices)
     feet = feet_by_step(footholds, steps)
     poses = _poses(planner, robot, site.terrain, stations, choices, feet)
@@ -87,7 +87,7 @@ def feet_by_step(footholds: Float[Array, "stance leg 3"], steps: int) -> Float[A
 def _poses(planner, robot, terrain, stations, choices, feet):
     """Trunk poses: before the first step, in each step's swing, and at the end."""
     posture, gait, steps = planner.posture, planner.gait, choices.adjust.shape[0]
-    each = 2 if posture.shared else 1
+    each = 2 if planner.shared else 1
     first = np.arange(0, steps, each)
     adjust = _adjustments(planner, choices)[first]
     leg, yaw = (
@@ -115,7 +115,7 @@ def _adjustments(planner, choices):
 def _in_mid_gait(planner, robot, terrain, stations, offset, feet):
     """The pose of the swings before the first step: the left feet came from one step behind."""
     back = stations.xy[0] - stations.xy[1]
-    legs = np.array(LEFT_LEGS if planner.posture.shared else STEP_LEGS[-1:])
+    legs = np.array(LEFT_LEGS if planner.shared else STEP_LEGS[-1:])
     nominal = jax.vmap(nominal_offset, in_axes=(None, 0))(planner.gait, jnp.asarray(legs))
     yaw = stations.yaw[0]
     xy = (stations.xy[0] + back)[None] + turned(nominal + offset[legs], yaw)
@@ -161,7 +161,7 @@ def _lowered(planner, robot, shape: Layout, moves: Moves, poses):
     """The trunk lowered until every leg keeps the least knee bend (A17): distances to a fixed foot peak at the ends of a
     phase, those to a swinging one in between."""
     lowering = planner.posture.lowering
-    if lowering is None:
+    if lowering == "none":
         return moves, poses, jnp.zeros((), poses.dtype)
     shares = jnp.linspace(0.0, 1.0, 5, dtype=poses.dtype)
 
