@@ -28,9 +28,10 @@ from jaxleg.route.stations import Straight
 from jaxleg.search.checks import check_map
 from jaxleg.search.config import Rectangle, Study, baseline
 from jaxleg.search.lanes import Lab, to_params
-from jaxleg.search.sites import foothold_cells
+from jaxleg.search.sites import footing_rule
 from jaxleg.terrain import Grid, HeightMap, flat, stairs
 from jaxleg.terrain.files import load_map
+from jaxleg.terrain.footing import footing
 from jaxleg.terrain.site import Site
 from jaxleg.viz.footholds import Planned, draw_cascade, draw_footholds
 
@@ -117,7 +118,8 @@ def on_map(study: Study, lab: Lab, terrain: HeightMap, heading: float) -> Planne
     reachable = reachable_heights(lab.robot, params, np.deg2rad(study.kinds["stairs"].least_knee_bend_deg))
     box = dataclasses.replace(lab.rectangle, heading=jnp.asarray(heading, float))
     resolution, foot = float(terrain.resolution), float(lab.robot.foot_radius)
-    site = Site(terrain, jax.jit(foothold_cells, static_argnums=(0, 1, 2))(resolution, foot, study.terrains, terrain))
+    valid = jax.jit(footing, static_argnums=(0, 1, 2))(footing_rule(study.terrains), foot, resolution, terrain)
+    site = Site(terrain, valid)
     return plan(site, box, through_middle(params, terrain, heading), reachable)
 
 

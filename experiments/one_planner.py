@@ -30,18 +30,19 @@ from jaxleg.search.config import Gait, Study, baseline
 from jaxleg.search.lanes import Lab, to_params
 from jaxleg.search.leaves import read_leaves, with_leaves
 from jaxleg.search.navigate import navigate, navigator_of, simulate_all, survey_all
-from jaxleg.search.sites import site_of
+from jaxleg.search.sites import footing_rule
 from jaxleg.series.kinds import Greedy
 from jaxleg.sim.rollout import simulate
 from jaxleg.status import Status
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
 from jaxleg.terrain.site import Site
-from jaxleg.walk.build import walk
+from jaxleg.walk.build import build_walk
 from jaxleg.walk.choices import Choices
 from jaxleg.walk.choose import choose
 from jaxleg.walk.navigation import Navigator
 from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import reference
+from jaxleg.walk.site import site_of
 
 GRID, START, GOAL = Grid(100, 50, 0.04, (0.02, 0.02)), (0.8, 1.0), (3.2, 1.1)
 GAIT = Gait(hip_height=0.46)
@@ -83,7 +84,7 @@ def headings(study: Study, lab: Lab) -> dict[str, Any]:
     """Energy per metre of paper A's walk on level ground in four directions, by proxy and in MJX."""
     gait = to_params(jnp.asarray(baseline(study, "flat", "paper")))
     ground = Grid(151, 151, 0.02, (-1.5, -1.5)).map(jnp.zeros((151, 151)))
-    site = site_of(study.terrains, Sizes.of(lab.robot), 0.02, ground)
+    site = site_of(footing_rule(study.terrains), Sizes.of(lab.robot), 0.02, ground)
     extent = extent_of(0.38, 0.08, 0.3, 0.02, heading=None)
     lab.engine  # noqa: B018  built outside of any tracing
 
@@ -94,7 +95,7 @@ def headings(study: Study, lab: Lab) -> dict[str, Any]:
         planner = turned.planner(gait, jnp.asarray(np.deg2rad(20.0)))
         stations = planner.route.stations(gait, None, 2 * CYCLES + 2)
         choices, _ = choose(planner, lab.robot, site, stations, 4 * CYCLES)
-        made = walk(planner, lab.robot, site, stations, choices)
+        made = build_walk(planner, lab.robot, site, stations, choices)
         meters = simulate(lab.engine, lab.robot, lab.ground, ground, reference(lab.robot, made, SAMPLES), STEPS)
         seen = evaluate(lab.robot, made)
         ahead = jnp.sum(meters.moved * jnp.stack([jnp.cos(heading), jnp.sin(heading)]))
@@ -200,7 +201,9 @@ def stations_of(planner: Planner, line: Line, steps: int) -> Stations:
 def proxy_energy(lab: Lab, planner: Planner, vector: jax.Array, walks: Walks) -> jax.Array:
     """Energy per metre of a whole walk by the proxy [J/m]."""
     planner = with_leaves(planner, MOVED, vector)
-    made = walk(planner, lab.robot, walks.site, stations_of(planner, walks.line, walks.choices.adjust.shape[0]), walks.choices)
+    made = build_walk(
+        planner, lab.robot, walks.site, stations_of(planner, walks.line, walks.choices.adjust.shape[0]), walks.choices
+    )
     seen = evaluate(lab.robot, made)
     return _electrical(lab, seen.energy) / seen.distance
 
@@ -208,7 +211,7 @@ def proxy_energy(lab: Lab, planner: Planner, vector: jax.Array, walks: Walks) ->
 def simulated_energy(lab: Lab, planner: Planner, vector: jax.Array, walks: Walks) -> jax.Array:
     """Energy of the first cycles of a walk in MJX, from standing to standing [J]."""
     planner = with_leaves(planner, MOVED, vector)
-    made = walk(planner, lab.robot, walks.site, stations_of(planner, walks.line, 4 * CYCLES), first_cycles(walks.choices))
+    made = build_walk(planner, lab.robot, walks.site, stations_of(planner, walks.line, 4 * CYCLES), first_cycles(walks.choices))
     meters = simulate(lab.engine, lab.robot, lab.ground, walks.site.terrain, reference(lab.robot, made, SAMPLES), STEPS)
     return _electrical(lab, meters.energy)
 

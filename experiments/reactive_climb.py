@@ -27,12 +27,13 @@ from jaxleg.gait.order import SHIFT, SWING_LEG
 from jaxleg.posture.collision import Sizes
 from jaxleg.search.config import Study, baseline
 from jaxleg.search.lanes import CYCLES, Lab, to_params
-from jaxleg.search.sites import site_of
+from jaxleg.search.sites import footing_rule
 from jaxleg.sim.reactive import Tick, walk_reactively
 from jaxleg.sim.reflex import Feeling, feeling
 from jaxleg.swing.machine import Mode, extended
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.site import Site
+from jaxleg.walk.site import site_of
 
 RUNS, ERROR, DT = 64, 0.03, 0.0025
 WINDOW = 0.05  # of the touch-down impulse [s]
@@ -103,7 +104,7 @@ def wrong_maps(study: Study, lab: Lab, terrain: HeightMap, vector: np.ndarray, o
         x = true.origin[0] + true.resolution * jnp.arange(true.elevation.shape[0])
         error = jnp.where(x > front, offset, 0.0)[:, None].astype(true.elevation.dtype)
         believed = dataclasses.replace(true, elevation=true.elevation + error)
-        return site_of(study.terrains, sizes, study.terrains.resolution, believed)
+        return site_of(footing_rule(study.terrains), sizes, study.terrains.resolution, believed)
 
     return wrong(terrain, jnp.asarray(offsets))
 

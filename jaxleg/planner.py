@@ -14,7 +14,7 @@ Paper A is Straight x Cascade x Incentre x Greedy x BySpeed x Cycloid, paper C i
 x Cycloid (`walk.presets`); paper B's machine takes the place of a planned swing in any walk. A Planner is a pytree: its numbers
 are leaves, its parts are structure, so lanes of two presets never share a `vmap`.
 
-A plan is made in two stages (`walk.choose`, `walk.walk`). First the choices: exact, discrete, without a gradient. Then the walk
+A plan is made in two stages (`choose`, `build_walk`). First the choices: exact, discrete, without a gradient. Then the walk
 as a differentiable function of the planner's numbers, the robot's and the map's, with the choices held.
 """
 

@@ -18,7 +18,7 @@ from jaxleg.route.stations import Straight
 from jaxleg.status import Status
 from jaxleg.terrain import Grid, flat, rough, stairs
 from jaxleg.terrain.site import Site
-from jaxleg.walk.build import walk
+from jaxleg.walk.build import build_walk
 from jaxleg.walk.choices import no_choice
 from jaxleg.walk.presets import paper_a
 
@@ -68,7 +68,7 @@ def crawl(robot, params, options, terrain, offsets, status, sizes=SIZES):
     choices = no_choice(cycles, dtype)._replace(offset=offsets, found=status, status=missing)
     site = Site(terrain, jnp.ones(terrain.elevation.shape, bool), robot_obstacles(sizes, terrain, 0.02))
     stations = planner.route.stations(planner.gait, None, 2 * cycles + 2)
-    return walk(planner, robot, site, stations, choices)
+    return build_walk(planner, robot, site, stations, choices)
 
 
 def way_points(walk):

@@ -29,7 +29,7 @@ from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
 from jaxleg.sim.rollout import Meters, simulate
 from jaxleg.terrain.site import Site
-from jaxleg.walk.build import walk as build
+from jaxleg.walk.build import build_walk
 from jaxleg.walk.choices import Choices
 from jaxleg.walk.choose import choose
 from jaxleg.walk.data import PlanChecks, Reference, Walk
@@ -120,7 +120,7 @@ class Lab:
     def walk(self, params: GaitParams, site: Site, choice: Choices, least_bend: Float[Array, ""]) -> Walk:
         """The walk of one lane with its footholds chosen."""
         cycles = choice.adjust.shape[0] // 4
-        return build(self.planner(params, least_bend), self.robot, site, self.stations(params, cycles), choice)
+        return build_walk(self.planner(params, least_bend), self.robot, site, self.stations(params, cycles), choice)
 
     def choose(
         self, vector: Float[Array, "parameter"], site: Site, least_bend: Float[Array, ""], cycles: int = CYCLES

@@ -6,16 +6,14 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool
 
-from jaxleg.posture.collision import Sizes, robot_obstacles
+from jaxleg.posture.collision import Sizes
 from jaxleg.robot import Robot
 from jaxleg.search.config import Kind, Study, Terrains
-from jaxleg.terrain.features import FeatureSettings, traversability
+from jaxleg.terrain.footing import FootingRule
 from jaxleg.terrain.generators import BATCH, Grid, TerrainSettings, terrain_batch
-from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.site import Site
-from jaxleg.terrain.validity import valid_cells
+from jaxleg.walk.site import site_of
 
 HELD_OUT = 1_000_000  # number of the first held-out terrain: training never comes that far
 
@@ -58,22 +56,12 @@ def _build(generator, grid, first, settings, sizes, maps, key, difficulties):
     terrain = jax.lax.optimization_barrier(
         terrain_batch(generator, grid, key, first, difficulties, settings)
     )  # or XLA folds flat ground
-    return jax.lax.map(functools.partial(site_of, maps, sizes, grid.resolution), terrain, batch_size=BATCH)
+    return jax.lax.map(functools.partial(site_of, footing_rule(maps), sizes, grid.resolution), terrain, batch_size=BATCH)
 
 
-def site_of(maps: Terrains, sizes: Sizes, resolution: float, terrain: HeightMap) -> Site:
-    """A map as a study lets it be walked on; all but the map is static, `resolution` is the map's [m per cell]."""
-    valid = foothold_cells(resolution, sizes.foot_radius, maps, terrain)
-    return Site(terrain, valid, robot_obstacles(sizes, terrain, resolution))
-
-
-def foothold_cells(resolution: float, foot_radius: float, maps: Terrains, terrain: HeightMap) -> Bool[Array, "nx ny"]:
-    """Where a study lets a foot be placed on a map: traversability, slope and edges under a foot of this radius [m].
-
-    All but the map is static; `resolution` is the map's [m per cell].
-    """
-    easy = traversability(terrain, resolution, FeatureSettings()) >= maps.least_traversability
-    return valid_cells(terrain, resolution, foot_radius, float(np.deg2rad(maps.slope_limit_deg)), maps.edge_height, easy)
+def footing_rule(maps: Terrains) -> FootingRule:
+    """Where a study lets a foot be placed."""
+    return FootingRule(maps.slope_limit_deg, maps.edge_height, maps.least_traversability)
 
 
 def grid(study: Study) -> Grid:

@@ -33,7 +33,7 @@ from jaxleg.walk.trajectory import foot_path, trunk_path
 RANK = np.argsort(STEP_LEGS)  # of each leg in a cycle's order of swings
 
 
-def walk(planner: Planner, robot: Robot, site: Site, stations: Stations, choices: Choices) -> Walk:
+def build_walk(planner: Planner, robot: Robot, site: Site, stations: Stations, choices: Choices) -> Walk:
     """The walk of a planner along stations with its choices made."""
     steps = choices.adjust.shape[0]
     shape = layout(steps, planner.shared, planner.standing)

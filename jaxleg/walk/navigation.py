@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.conventions import HEADINGS, LEGS
@@ -21,14 +20,13 @@ from jaxleg.route.path import BodyPath, PathWeights, find_path
 from jaxleg.route.stations import Line, Stations, smoothed
 from jaxleg.status import Status
 from jaxleg.terrain.cost_map import CostMap, Windows, cost_weights, total_cost
-from jaxleg.terrain.features import FeatureSettings, traversability
 from jaxleg.terrain.foothold_cost import foothold_cost, least_footing
 from jaxleg.terrain.foothold_features import foothold_features
+from jaxleg.terrain.footing import FootingRule, footing
 from jaxleg.terrain.heightmap import HeightMap, nearest_cell
 from jaxleg.terrain.obstacles import Obstacles
 from jaxleg.terrain.site import Site
-from jaxleg.terrain.validity import steepest_side, valid_cells
-from jaxleg.walk.build import walk
+from jaxleg.walk.build import build_walk
 from jaxleg.walk.choices import Choices
 from jaxleg.walk.choose import choose
 from jaxleg.walk.config import Navigation
@@ -94,16 +92,14 @@ class Navigator:
 
         foot = jax.lax.map(of_leg, jnp.arange(len(LEGS)))
         site = Site(terrain, self.valid(terrain), self.obstacles(terrain), foot)
-        footing = least_footing(site.valid, resolution, self.windows.feet) >= self.settings.footing.least_share
-        return Survey(site, cost._replace(total=jnp.where(footing, cost.total, jnp.inf)))
+        enough = least_footing(site.valid, resolution, self.windows.feet) >= self.settings.footing.least_share
+        return Survey(site, cost._replace(total=jnp.where(enough, cost.total, jnp.inf)))
 
     def valid(self, terrain: HeightMap) -> Bool[Array, "nx ny"]:
         """Where a foot may be placed."""
-        rule, radius = self.settings.footing, float(self.robot.foot_radius)
-        easy = traversability(terrain, self.resolution, FeatureSettings()) >= rule.least_traversability
-        firm = steepest_side(terrain) <= float(np.deg2rad(rule.side_slope_limit_deg))
-        slope = float(np.deg2rad(rule.slope_limit_deg))
-        return valid_cells(terrain, self.resolution, radius, slope, rule.edge_height, easy) & firm
+        rule = self.settings.footing
+        limits = (rule.slope_limit_deg, rule.edge_height, rule.least_traversability, rule.side_slope_limit_deg)
+        return footing(FootingRule(*limits), float(self.robot.foot_radius), self.resolution, terrain)
 
     def obstacles(self, terrain: HeightMap) -> Obstacles:
         """The map widened for legs and trunk."""
@@ -142,7 +138,7 @@ class Navigator:
         seen = self.stations(site.terrain, path)
         usable = seen._replace(count=jnp.where(path.status == Status.OK, seen.count, 0))
         choices, series = choose(self.planner, self.robot, site, usable, self.steps)
-        planned = walk(self.planner, self.robot, site, seen, choices)
+        planned = build_walk(self.planner, self.robot, site, seen, choices)
         causes = count_causes(self.planner, self.robot, site, planned) if series is None else series.causes
         refused = jnp.any(causes[1:] > 0) & (series is None) & (choices.status == Status.OK)
         status = jnp.where(refused, Status.DEAD_END, choices.status)
@@ -168,7 +164,7 @@ class Navigator:
     def planned(self, survey: Survey, walked: Walked) -> Planned:
         """A walk's reference; standing where there is no walk."""
         count = jnp.where(walked.status == Status.OK, walked.choices.count, 0)
-        made = walk(self.planner, self.robot, survey.site, walked.stations, walked.choices._replace(count=count))
+        made = build_walk(self.planner, self.robot, survey.site, walked.stations, walked.choices._replace(count=count))
         time, at = instants(self.robot, made, self.samples)
         seen = checks(self.robot, made, at, made.used[phase_samples(self.samples, made.legs)[0]])
         return Planned(to_reference(time, at), last_sample(made, self.samples), seen.knee_bend, seen.torque_ratio)

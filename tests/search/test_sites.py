@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from jaxleg.search.config import Kind, Study, Terrains
-from jaxleg.search.sites import foothold_cells, make_sites
+from jaxleg.search.sites import footing_rule, make_sites
 from jaxleg.terrain import Grid, stairs
+from jaxleg.terrain.footing import footing
 
 TERRAIN = jax.jit(stairs, static_argnums=0)(Grid(45, 12, 0.02, (0.0, 0.0)), 0.08, 0.30)
 TREAD = slice(15, 30)  # the cells of one tread: 0.30 m at 0.02 m
@@ -22,7 +23,7 @@ def test_a_tread_keeps_the_cells_that_the_settings_allow(changes, cells):
     """Of 15: two go at either riser; 0.7 takes one more on either side; without edges and features none goes, because the
     sampled surface is level at the last cell of a tread (the harmonic mean of a slope and 0)."""
     maps = dataclasses.replace(Terrains(), **changes)
-    found = jax.jit(foothold_cells, static_argnums=(0, 1, 2))(0.02, 0.02, maps, TERRAIN)
+    found = jax.jit(footing, static_argnums=(0, 1, 2))(footing_rule(maps), 0.02, 0.02, TERRAIN)
     valid = np.asarray(found)[TREAD, 6]
     assert valid.sum() == cells
     assert np.array_equal(valid, valid[::-1])
