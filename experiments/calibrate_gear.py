@@ -28,7 +28,7 @@ def main(out: Path | None = None, quick: bool = False) -> float:
     """Bisect on the gear ratio; prints it. `quick` changes nothing, it takes seconds anyway."""
     del quick
     study, lab = setup()
-    lanes = training(study, lab, "flat").take(0)
+    lanes = jax.tree.map(jnp.asarray, training(study, lab, "flat").take(0))  # a constant of what is compiled
     vector = jnp.asarray(baseline(study, "flat", "traditional"), float)
     file = load(RobotFile, ROBOT)
 

@@ -1,4 +1,4 @@
-"""Paper C, IV.B (Fig. 9, 10): a straight walk over cuboids, and what looking ahead is good for.
+"""Paper C, 4.2 (Fig. 9, 10): a straight walk over cuboids, and what looking ahead is good for.
 
 Footholds in the order of their distance to the default one, cells at edges are no footholds. Fig. 9: two cycles at depth 2.
 Fig. 10: with depth 1 the search takes steps after which none is left; how often that happens on 1,000 terrains at depths 1, 2

@@ -1,4 +1,4 @@
-"""Paper C, IV.C (Fig. 11-14): from the features of unstructured ground to a walk over it.
+"""Paper C, 4.3 (Fig. 11-14): from the features of unstructured ground to a walk over it.
 
 One fractal map. Fig. 11, 12: slope, roughness, step height and the cost made of them. Fig. 13: the body's path for two
 weightings of way and cost, and what each is worth. Fig. 14: the walked trajectory, simulated in MJX and refereed by C MuJoCo,

@@ -1,4 +1,4 @@
-"""How long each phase of a walk takes: by a speed of travel (paper A), or by what trunk and feet may do (paper C, 3.2).
+"""How long each phase of a walk takes: by a speed of travel (paper A), or by what trunk and feet may do (ours, for paper C).
 
 A filling is a pytree with `durations(gait, load_share, moves, legs, way)`: the seconds of every phase, from what moves in it,
 the leg that swings in it (or `SHIFT`; static), and the way of the whole walk [m].
@@ -44,7 +44,7 @@ def _halves(legs: tuple[int, ...]) -> tuple[int, float]:
 
 @pytree
 class ByAcceleration:
-    """Shifts as fast as the trunk may accelerate and balance allows, swings as fast as the foot may. Paper C, 3.2."""
+    """Shifts as fast as the trunk may accelerate and balance allows, swings as fast as the foot may; paper C gives no times."""
 
     acceleration: Float[Array, "*batch"]  # most of the trunk in a shift [m/s^2]
     least_shift: Float[Array, "*batch"]  # [s]

@@ -60,7 +60,7 @@ def waypoint(
 
     `before`, `after` are the feet before and after the two swings; `leg` is one that swings. Across, the centre of mass (legs
     included, averaged over the swings) stands over the in-centre of the two support triangles' overlap, or over a point on its
-    median. Fore and aft the hips' centre stands `foot_offset` ahead of that point, so the feet are behind the hips by as much:
+    median. Fore and aft the hips' centre stands `-foot_offset` ahead of that point, so the feet are behind the hips by as much:
     A16, the margin lost is reported. Height: mean foot height + H_COG; pitch: with the line from hind to front feet (A17).
     """
     return over(robot, gait, cog_point(cog, before, after, leg), 0.5 * (before + after), yaw)

@@ -19,7 +19,7 @@ Span = tuple[float, float]
 
 @dataclasses.dataclass(frozen=True)
 class Gait:
-    """Gait parameters, paper A's letters in `jaxleg.walk.data.GaitParams`."""
+    """Gait parameters, paper A's letters in `jaxleg.gait.params.GaitParams`."""
 
     hip_height: float = setting(0.48, above=0.0, max=2.0, unit="m", help="H_COG")
     foot_offset: float = setting(0.0, min=-1.0, max=1.0, unit="m", help="L_F2H centre, feet behind the hips: negative")

@@ -27,7 +27,7 @@ def read_leaves(tree: Any, names: Sequence[str]) -> Float[Array, "leaf"]:
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"
-            raise InputError(f"search.move names {name!r}, but the planner has no such number; {hint}")
+            raise InputError(f"{name!r} names no number of the planner; {hint}")
     return jnp.stack([_get(tree, name.split(".")) for name in names])
 
 

@@ -1,4 +1,4 @@
-"""Where a foot may stand: the one rule of all planners. Papers A, IV.B.2 and C, 2.2 (A9)."""
+"""Where a foot may stand: the one rule of all planners. Papers A, IV.B.1 and C, 2.2 (A9)."""
 
 from typing import NamedTuple
 
