@@ -52,7 +52,8 @@ def held(pegasus):
     )()
     rng = np.random.default_rng(0)
     adjust = jnp.asarray(rng.integers(-1, 2, (4, 3)), jnp.int32)
-    return planner, site, no_choice(1, jnp.zeros(()).dtype)._replace(offset=jnp.asarray(rng.normal(0.0, 0.02, (2, 4, 2))), adjust=adjust)
+    offset = jnp.asarray(rng.normal(0.0, 0.02, (2, 4, 2)))
+    return planner, site, no_choice(1, offset.dtype)._replace(offset=offset, adjust=adjust)
 
 
 def test_footholds_move_with_step_and_stance_as_the_parallelogram_does(held, pegasus):
