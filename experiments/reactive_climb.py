@@ -22,6 +22,7 @@ from experiments.blind_swing import interval
 from experiments.common import setup, write
 from experiments.stairs import unseen
 from jaxleg.batch import over_lanes
+from jaxleg.control.swing_leg import Feeling, feeling
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.order import SHIFT, SWING_LEG
 from jaxleg.posture.collision import Sizes
@@ -29,7 +30,6 @@ from jaxleg.search.config import Study, baseline
 from jaxleg.search.lanes import CYCLES, Lab, to_params
 from jaxleg.search.sites import footing_rule
 from jaxleg.sim.reactive import Tick, walk_reactively
-from jaxleg.sim.reflex import Feeling, feeling
 from jaxleg.swing.machine import Mode, extended
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.site import Site

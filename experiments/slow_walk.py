@@ -17,7 +17,8 @@ from jaxleg.search.config import Study, baseline, bounds
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, to_params
 from jaxleg.search.stages import judge, spread
-from jaxleg.sim.rollout import Meters, Record, record
+from jaxleg.sim.meters import Meters, Record
+from jaxleg.sim.rollout import record
 from jaxleg.walk.reference import reference
 from jaxleg.walk.standing import stand_first
 

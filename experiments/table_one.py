@@ -16,7 +16,7 @@ from jaxleg.search.config import PARAMETERS, Study, baseline
 from jaxleg.search.contest import keeps_limits
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab
-from jaxleg.sim.rollout import Record
+from jaxleg.sim.meters import Record
 from jaxleg.viz.power import draw_power
 from jaxleg.walk.data import PlanChecks
 

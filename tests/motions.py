@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from jaxleg.control.tracking import Tracking
+from jaxleg.control.contract import Tracking
 from jaxleg.gait.order import SHIFT
 from jaxleg.gait.phases import Phases
 from jaxleg.robot import Robot

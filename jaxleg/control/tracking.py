@@ -1,20 +1,32 @@
-"""What the joint controllers follow at each control step: a reference interpolated between its samples."""
-
-from typing import NamedTuple
+"""The open loop: the joint controllers follow a reference that was interpolated between its samples before the walk."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
+from jaxleg.control.contract import Reading, State, Tracking
+from jaxleg.pytree import pytree
 from jaxleg.walk.data import Reference
 
 
-class Tracking(NamedTuple):
-    """Controller inputs, one row a control step n; together they make a perfect track need no feedback."""
+@pytree
+class OpenLoop:
+    """Commands what its row says; remembers nothing and ends with its rows."""
 
-    position: Float[Array, "*n leg joint"]  # at the start of the step [rad]
-    velocity: Float[Array, "*n leg joint"]  # at its end [rad/s]
-    torque: Float[Array, "*n leg joint"]  # feed-forward at its middle [N m]
-    dt: Float[Array, "*n"]  # [s]
+    def start(self) -> tuple[()]:
+        """No memory."""
+        return ()
+
+    def command(self, memory: tuple[()], sensed: Reading, row: Tracking) -> tuple[Tracking, tuple[()]]:
+        """The row itself."""
+        return row, memory
+
+    def felt(self, memory: tuple[()], sensed: Reading, torque: Float[Array, "leg joint"], after: State) -> tuple[()]:
+        """Nothing."""
+        return memory
+
+    def over(self, memory: tuple[()]) -> Bool[Array, ""]:
+        """Never."""
+        return jnp.array(False)
 
 
 def interpolate(reference: Reference, steps: int) -> Tracking:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search.config import PARAMETERS
 from jaxleg.search.lanes import CONSTRAINTS, Score
-from jaxleg.sim.rollout import Meters
+from jaxleg.sim.meters import Meters
 from jaxleg.status import Status
 from jaxleg.walk.data import PlanChecks
 

@@ -27,7 +27,8 @@ from jaxleg.route.stations import Stations, Straight
 from jaxleg.search.config import Cog
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
-from jaxleg.sim.rollout import Meters, simulate
+from jaxleg.sim.meters import Meters
+from jaxleg.sim.rollout import simulate
 from jaxleg.terrain.site import Site
 from jaxleg.walk.build import build_walk
 from jaxleg.walk.choices import Choices

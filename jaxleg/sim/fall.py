@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxleg.control.contract import State
 from jaxleg.numerics import matvec
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
-from jaxleg.sim.step import State
 from jaxleg.terrain.heightmap import HeightMap
 
 FALL_TILT = 0.7071  # cosine of 45 degrees

@@ -11,13 +11,13 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from jaxleg.control.course import Posture, between, command, held_feet
 from jaxleg.gait.support import stability_margin
 from jaxleg.leg.dynamics import all_leg_frames
 from jaxleg.leg.kinematics import foot_jacobian
 from jaxleg.numerics import matmul
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
-from jaxleg.sim.follow import Posture, between, command, held_feet
 from jaxleg.sim.model import STEP, TRUNK_CONTACT, build_model, over_unseen, surface_of
 from jaxleg.sim.referee import LOADED, SETTLE, no_log, start_state, unstable
 from jaxleg.terrain.heightmap import HeightMap

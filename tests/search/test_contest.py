@@ -8,7 +8,7 @@ from jaxleg.search import contest as contests
 from jaxleg.search.config import PARAMETERS
 from jaxleg.search.contest import ACTIVE, Contest, active_constraints, bootstrap, keeps_limits, nested, savings, summary
 from jaxleg.search.lanes import CONSTRAINTS, SCALES, Score, penalty
-from jaxleg.sim.rollout import Meters
+from jaxleg.sim.meters import Meters
 from jaxleg.status import Status
 from jaxleg.walk.data import PlanChecks
 

@@ -5,10 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxleg.control.contract import Terms
 from jaxleg.leg.energy import Power
-from jaxleg.sim import follow as follow_module
+from jaxleg.sim import rollout
 from jaxleg.sim.contact import Ground
-from jaxleg.sim.engine import Terms
+from jaxleg.sim.follow import follow
 from jaxleg.sim.step import Measured
 from jaxleg.terrain import Grid, flat
 from jaxleg.walk.data import Reference
@@ -49,13 +50,11 @@ def idle(terms, robot, ground, terrain, state, now):
 @pytest.fixture(scope="module")
 def followed(pegasus):
     patch = pytest.MonkeyPatch()
-    patch.setattr(follow_module, "advance", idle)
+    patch.setattr(rollout, "advance", idle)
     robot = jax.tree.map(jnp.float32, pegasus)
     ground = jax.tree.map(jnp.float32, flat(Grid(60, 40, 0.04, (-1.2, -0.8))))
     run = jax.jit(
-        lambda track, last, ticks: follow_module.follow(
-            engine, robot, Ground(), ground, track, last, PER_STEP, jnp.float32(TICK), ticks
-        )
+        lambda track, last, ticks: follow(engine, robot, Ground(), ground, track, last, PER_STEP, jnp.float32(TICK), ticks)
     )
     track = standing()
     last = jnp.int32(len(track.time) - 1)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mujoco import rollout
 
+from jaxleg.control.contract import State
 from jaxleg.sim import fall
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
@@ -18,7 +19,6 @@ from jaxleg.sim.model import build_model
 from jaxleg.sim.referee import controls, no_log, replay, start_state, unstable
 from jaxleg.sim.referee_follow import follow_all
 from jaxleg.sim.rollout import simulate
-from jaxleg.sim.step import State
 from jaxleg.terrain import Grid, flat
 from jaxleg.walk.reference import reference
 from jaxleg.walk.standing import up_down

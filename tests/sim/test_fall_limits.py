@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from jaxleg.control.contract import State
 from jaxleg.sim import fall
-from jaxleg.sim.step import State
 from jaxleg.terrain import HeightMap
 
 SHAPE, SIZE = (41, 31), 0.05

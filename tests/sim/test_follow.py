@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxleg.control.course import Posture, between, corrected, held_feet, samples_at, to_rows
 from jaxleg.leg.dynamics import all_leg_frames
 from jaxleg.leg.kinematics import foot_jacobian
 from jaxleg.posture.body import joint_angles
 from jaxleg.rotations import trunk_quaternion, trunk_rotation
-from jaxleg.sim.follow import Posture, between, corrected, held_feet, samples_at, to_rows
 from jaxleg.walk.data import Reference
 
 FEET = np.array([[0.36, 0.2, 0.03], [0.28, -0.2, 0.0], [-0.28, 0.2, 0.01], [-0.36, -0.2, -0.02]])

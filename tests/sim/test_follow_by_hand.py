@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxleg.control.contract import State
+from jaxleg.control.course import Posture, between, command, corrected, held_feet
+from jaxleg.control.sensing import felt_forces
 from jaxleg.leg.dynamics import all_leg_frames
 from jaxleg.leg.kinematics import foot_jacobian, foot_position
 from jaxleg.posture.body import joint_angles
 from jaxleg.rotations import trunk_quaternion, trunk_rotation
-from jaxleg.sim.follow import Posture, between, command, corrected, held_feet
-from jaxleg.sim.sensing import felt_forces
-from jaxleg.sim.step import State
 from jaxleg.walk.data import Reference
 
 SHAPES = ((), (4, 3), (4, 3), (4, 3), (3,), (4,), (6,), (4, 3), (4,))

@@ -12,7 +12,8 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from jaxleg.control.tracking import Tracking, interpolate
+from jaxleg.control.contract import Tracking
+from jaxleg.control.tracking import interpolate
 from jaxleg.leg.energy import electrical
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.referee import replay

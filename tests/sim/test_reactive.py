@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxleg.control.swing_leg import feeling
 from jaxleg.gait.order import SHIFT, SWING_LEG
 from jaxleg.gait.params import GaitParams
 from jaxleg.leg.kinematics import Reach, leg_angles
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.reactive import walk_reactively
-from jaxleg.sim.reflex import feeling
 from jaxleg.swing.bounds import swing_bounds
 from jaxleg.swing.machine import Mode, extended
 from jaxleg.terrain.generators import Grid, flat

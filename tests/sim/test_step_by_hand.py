@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from jaxleg.control.tracking import Tracking
+from jaxleg.control.contract import State, Tracking
 from jaxleg.conventions import GRAVITY
 from jaxleg.sim.contact import Ground
-from jaxleg.sim.step import State, initial_state
+from jaxleg.sim.step import initial_state
 from jaxleg.walk.data import Reference
 from tests.motions import applied_torque, contact_force, sloping
 

@@ -10,10 +10,9 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from jaxleg.control.contract import State, Terms
 from jaxleg.numerics import inverse3_safe, matvec
 from jaxleg.robot import Robot
-from jaxleg.sim.engine import Terms
-from jaxleg.sim.step import State
 
 
 def felt_forces(

@@ -1,4 +1,4 @@
-"""The swing leg's machine, tick by tick: the driver of `swing.machine` inside a simulation. Paper B, II and III.B.
+"""The swing leg's machine, tick by tick: the driver of `swing.machine` in a walk. Paper B, II and III.B.
 
 Works in the vertical plane of a step (x along it from where the foot stood, z as in W). The initial movement is the walk's own
 swing, planned on the map at hand; the machine's reflexes take over where the foot is stopped or finds no ground.

@@ -1,0 +1,70 @@
+"""The contract of a controller, and what passes between it and a simulation."""
+
+from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
+
+from jaxtyping import Array, Bool, Float
+
+Memory = TypeVar("Memory")
+Row = TypeVar("Row", contravariant=True)
+
+
+class State(NamedTuple):
+    """Configuration and velocity in MuJoCo's order: position in W, quaternion, joints; linear in W, angular in B, joints."""
+
+    q: Float[Array, "19"]
+    v: Float[Array, "18"]
+
+
+class Terms(NamedTuple):
+    """Terms of M dv/dt + bias = forces in blocks: the trunk's six degrees of freedom (linear in W, angular in B), the legs'."""
+
+    trunk: Float[Array, "6 6"]
+    coupling: Float[Array, "leg 6 3"]
+    legs: Float[Array, "leg 3 3"]
+    trunk_bias: Float[Array, "6"]
+    leg_bias: Float[Array, "leg 3"]
+    foot: Float[Array, "leg 3"]  # foot centres in W [m]
+    foot_by_trunk: Float[Array, "leg 3 6"]  # Jacobians of the feet
+    foot_by_leg: Float[Array, "leg 3 3"]
+    com: Float[Array, "3"]  # centre of mass in W [m]
+
+
+class Reading(NamedTuple):
+    """What is sensed when a tick begins."""
+
+    state: State
+    terms: Terms  # of the robot's model at that state
+
+
+class Tracking(NamedTuple):
+    """Command to the joint controllers for a tick, or for n of them: one row each."""
+
+    position: Float[Array, "*n leg joint"]  # at the start of the step [rad]
+    velocity: Float[Array, "*n leg joint"]  # at its end [rad/s]
+    torque: Float[Array, "*n leg joint"]  # feed-forward at its middle [N m]
+    dt: Float[Array, "*n"]  # [s]
+
+
+@runtime_checkable
+class Controller(Protocol[Memory, Row]):
+    """Any of the controllers. `Memory` is a pytree that keeps its structure."""
+
+    def start(self) -> Memory:
+        """The memory before the first tick."""
+        ...
+
+    def command(self, memory: Memory, sensed: Reading, row: Row) -> tuple[Tracking, Memory]:
+        """The command for the tick that begins.
+
+        `row` is the tick's row of what was computed before the walk: a scanned input, because an indexed look-up in every
+        step would make reverse mode quadratic in the steps. The open loop has one, the others get None.
+        """
+        ...
+
+    def felt(self, memory: Memory, sensed: Reading, torque: Float[Array, "leg joint"], after: State) -> Memory:
+        """The memory after the tick: `torque` [N m] is what the motors applied from the sensed state to the one `after`."""
+        ...
+
+    def over(self, memory: Memory) -> Bool[Array, ""]:
+        """Whether the walk has come to its end: from then on it stands, and is measured no more."""
+        ...

@@ -1,0 +1,160 @@
+"""A walk whose swinging leg feels its way: phases by a clock that waits for the foot. Paper B.
+
+Trunk and joints are commanded tick by tick, because a foot rests where it was felt, not where the map said.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxleg.control.contract import Reading, State, Tracking
+from jaxleg.control.sensing import felt_forces
+from jaxleg.control.swing_leg import Feeling, Swinging, bounded, feel_on, foot_at, set_out
+from jaxleg.gait.order import SHIFT
+from jaxleg.numerics import matvec, smoothstep
+from jaxleg.pytree import pytree
+from jaxleg.robot import Robot
+from jaxleg.rotations import rotation_from_quaternion
+from jaxleg.swing.machine import Machine, Mode
+from jaxleg.walk.data import Walk
+from jaxleg.walk.reference import Instant, instant_of, phase_instant, pose_at
+from jaxleg.walk.trajectory import load_weight, trunk_path
+
+
+class Progress(NamedTuple):
+    """Where the walk is."""
+
+    phase: Int[Array, ""]
+    clock: Float[Array, ""]  # in the phase, standing still while the foot is under way [s]
+    held: Float[Array, "leg 3"]  # where the feet stand or last stood
+    raised: Float[Array, "2"]  # trunk over its plan before and after the phase: the feet's own heights [m]
+    swing: Swinging
+    felt: Float[Array, "leg 3"]  # low-passed estimate of the feet's forces in W [N]
+    contact: Bool[Array, ""]  # felt by the swinging leg in the last tick
+
+
+@pytree
+class Reflex:
+    """Walks a plan in ticks of `dt` [s], its swinging leg by the machine's reflexes."""
+
+    robot: Robot
+    walk: Walk
+    machine: Machine
+    feel: Feeling
+    first: Instant  # of the walk
+    dt: Float[Array, ""]
+
+    def start(self) -> Progress:
+        """Before the first phase."""
+        first, robot, walk = self.first, self.robot, self.walk
+        zero = jnp.zeros((), walk.footholds.dtype)
+        hip = first.pose[:3] + robot.hip_position[0]
+        swing = set_out(robot, self.feel, first.feet[0], walk.phases.feet_to[0, 0], hip, zero + 1.0)
+        raised, felt = jnp.zeros(2, zero.dtype), jnp.zeros((4, 3), zero.dtype)
+        return Progress(jnp.zeros((), jnp.int32), zero, first.feet, raised, swing, felt, jnp.array(False))
+
+    def command(self, memory: Progress, sensed: Reading, row: None) -> tuple[Tracking, Progress]:
+        """The plan's instant, with the feet where they were felt and the foot under way where its machine has it."""
+        load_share = self.walk.load_share
+        phase, _, swings = _now(self.walk, memory)
+        moving = under_way(self, memory)[1]
+        share = jnp.where(moving, 0.5, memory.clock / phase.duration)
+        weight = jnp.where(swings, load_weight(phase, share, load_share), jnp.ones_like(phase.swings))
+        now = instant_of(self.robot, pose_at(_wanted(self, memory), jnp.zeros((), self.dt.dtype)), weight)
+        return Tracking(now.angles, now.velocity + self.dt * now.acceleration, now.torque, self.dt), memory
+
+    def felt(self, memory: Progress, sensed: Reading, torque: Float[Array, "leg joint"], after: State) -> Progress:
+        """The walk a tick later, by the forces that the feet feel."""
+        feel, dt = self.feel, self.dt
+        force = felt_forces(sensed.terms, self.robot, torque, sensed.state, after, dt, feel.inertia)
+        felt = memory.felt + (force - memory.felt) * dt / (feel.delay + dt)
+        return _proceed(self, memory._replace(felt=felt), after)
+
+    def over(self, memory: Progress) -> Bool[Array, ""]:
+        """Whether every phase is past."""
+        return memory.phase >= _count(self.walk)
+
+
+def reflex(robot: Robot, walk: Walk, machine: Machine, feel: Feeling, dt: Float[Array, ""]) -> Reflex:
+    """The controller that walks a plan with a feeling leg in ticks of dt [s]."""
+    phase = jax.tree.map(lambda x: x[0], walk.phases)
+    return Reflex(robot, walk, machine, feel, phase_instant(robot, phase, 0.0, walk.gait.lift_share, walk.load_share), dt)
+
+
+def under_way(reflex: Reflex, at: Progress) -> tuple[Int[Array, ""], Bool[Array, ""]]:
+    """The leg of the phase, and whether its foot is on its way."""
+    phase, leg, swings = _now(reflex.walk, at)
+    unloaded = at.clock >= reflex.walk.load_share * phase.duration
+    return leg, swings & unloaded & (at.swing.state.mode < Mode.SUPPORTED)
+
+
+def _wanted(reflex: Reflex, now: Progress):
+    """The function of how much later [s] that gives the trunk (6,) and the feet (4, 3) that are wanted then."""
+    phase, leg, swings = _now(reflex.walk, now)
+    moving, settled = under_way(reflex, now)[1], swings | reflex.over(now)
+
+    def at(later):
+        """The trunk only moves in shifts."""
+        share = jnp.minimum((now.clock + later) / phase.duration, 1.0)
+        rise = now.raised[0] + (now.raised[1] - now.raised[0]) * smoothstep(share)
+        rise = jnp.where(settled, now.raised[1], rise)
+        trunk = trunk_path(phase, share) + jnp.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], rise.dtype) * rise
+        foot = _foot(reflex, now, phase, leg, later)
+        return trunk, jnp.where(moving, now.held.at[leg].set(foot), now.held)
+
+    return at
+
+
+def _now(walk: Walk, at: Progress):
+    """The phase's plan, its leg, and whether it swings one; after the walk the last pose, standing."""
+    count = _count(walk)
+    index = jnp.minimum(at.phase, count - 1)
+    leg = jnp.array(walk.legs)[index]
+    return jax.tree.map(lambda x: x[index], walk.phases), jnp.maximum(leg, 0), (leg != SHIFT) & (at.phase < count)
+
+
+def _count(walk: Walk):
+    """Phases of a walk: those that are used come first."""
+    return jnp.sum(walk.used, dtype=jnp.int32)
+
+
+def _moved(reflex: Reflex, phase):
+    """Time in which the foot of a phase is planned to move [s]."""
+    return phase.duration * (1.0 - 2.0 * reflex.walk.load_share)
+
+
+def _foot(reflex: Reflex, at: Progress, phase, leg, later):
+    """The moving foot a little later."""
+    machine, lift_share = bounded(reflex.machine, at.swing), reflex.walk.gait.lift_share
+    return foot_at(machine, reflex.feel, at.swing, phase.apex[leg], lift_share, _moved(reflex, phase), later)
+
+
+def _proceed(reflex: Reflex, at: Progress, state: State) -> Progress:
+    """The walk a tick later: the swing goes on, or the clock; a phase that is over makes way for the next."""
+    share, dt, (leg, moving) = reflex.walk.load_share, reflex.dt, under_way(reflex, at)
+    phase = _now(reflex.walk, at)[0]
+    foot = _foot(reflex, at, phase, leg, dt)
+    machine, time = bounded(reflex.machine, at.swing), _moved(reflex, phase)
+    felt, contact = feel_on(machine, reflex.feel, at.swing, foot, at.felt[leg], time, dt)
+    swing = jax.tree.map(lambda a, b: jnp.where(moving, a, b), felt, at.swing)
+    lands = moving & (swing.state.mode >= Mode.SUPPORTED)
+    clock = jnp.where(moving, jnp.where(lands, (1.0 - share) * phase.duration, at.clock), at.clock + dt)
+    held = jnp.where(moving, at.held.at[leg].set(foot), at.held)
+    over = clock >= phase.duration
+    onward = (over & ~reflex.over(at)).astype(jnp.int32)
+    clock = jnp.where(over, 0.0, clock)
+    after = at._replace(phase=at.phase + onward, clock=clock, held=held, swing=swing, contact=contact & moving)
+    return _set_out(reflex, after, over, state)
+
+
+def _set_out(reflex: Reflex, at: Progress, begins, state: State) -> Progress:
+    """Where a phase begins: its foot's swing from where the foot stands, or how far the trunk is to rise in its shift."""
+    feel, (phase, leg, swings) = reflex.feel, _now(reflex.walk, at)
+    hips = state.q[None, :3] + matvec(rotation_from_quaternion(state.q[3:7]), reflex.robot.hip_position)
+    setting = set_out(reflex.robot, feel, at.held[leg], phase.feet_to[leg], hips[leg], _moved(reflex, phase))
+    swing = jax.tree.map(lambda a, b: jnp.where(begins & swings, a, b), setting, at.swing)
+    higher = jnp.where(feel.reacts, jnp.min(at.held[:, 2] - phase.feet_from[:, 2]), 0.0)  # no leg longer than planned
+    raised = jnp.where(begins & ~swings, jnp.stack([at.raised[1], higher]), at.raised)
+    return at._replace(swing=swing, raised=raised)
