@@ -127,7 +127,7 @@ def _climb(lab: Lab, vector, feel: Feeling, ticks: int, terrain, believed: Site,
 
 def row(tick: Tick) -> dict[str, Any]:
     """Falls, touch-downs, and how well contacts were felt."""
-    downs = [touch_downs(Tick(*(x[k] for x in tick))) for k in range(len(tick.alive))]
+    downs = [touch_downs(Tick(*(x[k, tick.alive[k]] for x in tick))) for k in range(len(tick.alive))]
     impulse = np.array([np.mean([d["impulse"] for d in lane]) for lane in downs])
     every = [d for lane in downs for d in lane]
     late = [d["late"] for d in every if d["late"] is not None]

@@ -1,4 +1,4 @@
-"""When a walk has fallen: the one definition for every rollout.
+"""When a walk has fallen: the one definition for every rollout, and for the referee (`overturned`).
 
 Tilt > 45 deg, the trunk below half its height over the feet, the trunk on the ground, or not finite (as over ground that
 nobody has seen). The trunk's lower face is divided into tiles; each meets the ground where its lowest point is under the
@@ -20,6 +20,7 @@ from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.terrain.heightmap import HeightMap
 
 FALL_TILT = 0.7071  # cosine of 45 degrees
+FALL_HEIGHT = 0.5  # share of the trunk's height over the feet at the start
 TILES = (8, 2)  # of the trunk's lower face, along and across
 
 
@@ -63,9 +64,14 @@ def fallen(trunk: Trunk, state: State, foot: Float[Array, "leg 3"]) -> Bool[Arra
     """Whether a state, its feet in W [m], is a fall."""
     state, foot = jax.lax.stop_gradient((state, foot))
     rotation = rotation_from_quaternion(state.q[3:7])
-    low = state.q[2] - jnp.mean(foot[:, 2]) < 0.5 * trunk.stand
+    down = overturned(rotation[2, 2], state.q[2] - jnp.mean(foot[:, 2]), trunk.stand)
     unknown = ~jnp.isfinite(jnp.sum(state.q) + jnp.sum(state.v))
-    return (rotation[2, 2] < FALL_TILT) | low | touches(trunk, state.q[:3], rotation) | unknown
+    return down | touches(trunk, state.q[:3], rotation) | unknown
+
+
+def overturned(upright, height, stand):
+    """Whether a trunk is tilted, or low over its feet: cosine of its tilt, height [m] now and at the start. Any arrays."""
+    return (upright < FALL_TILT) | (height < FALL_HEIGHT * stand)
 
 
 def touches(trunk: Trunk, position: Float[Array, "3"], rotation: Float[Array, "3 3"]) -> Bool[Array, ""]:

@@ -7,13 +7,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxleg.control.contract import State
+from jaxleg.conventions import GRAVITY
 from jaxleg.gait.support import stability_margin
 from jaxleg.leg.energy import Power
 from jaxleg.numerics import add_exactly
+from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.step import Measured
 
-LOADED = 1.0  # a foot counts as loaded above this normal force [N]
+LOADED = 0.01  # a foot counts as loaded above this share of the weight
 
 
 class Meters(NamedTuple):
@@ -59,6 +61,11 @@ class Record(NamedTuple):
     alive: Bool[Array, "t"]
 
 
+def least_load(robot: Robot) -> Float[Array, "*batch"]:
+    """Normal force above which a foot counts as loaded [N]."""
+    return LOADED * GRAVITY * robot.mass
+
+
 def no_tally(dtype) -> Tally:
     """Meters that have seen nothing."""
     zero, joints = jnp.zeros((), dtype), jnp.zeros((4, 3), dtype)
@@ -71,10 +78,12 @@ def read(tally: Tally, alive: Bool[Array, ""]) -> Meters:
     return Meters(**tally.sums._asdict(), penetration=tally.penetration, margin=tally.margin, tilt=tally.tilt, fell=~alive)
 
 
-def measure(tally: Tally, seen: Measured, after: State, before: State, counts: Bool[Array, ""], dt: Float[Array, ""]) -> Tally:
+def measure(
+    tally: Tally, robot: Robot, seen: Measured, after: State, before: State, counts: Bool[Array, ""], dt: Float[Array, ""]
+) -> Tally:
     """Add one step where it counts; the figures that nobody differentiates are cut out of the gradient."""
     held = jax.lax.stop_gradient(seen)
-    loaded = held.normal_force > LOADED
+    loaded = held.normal_force > least_load(jax.lax.stop_gradient(robot))
     more = Sums(
         energy=jax.tree.map(lambda p: dt * p, seen.power),
         moved=after.q[:2] - before.q[:2],

@@ -9,19 +9,17 @@ import contextlib
 from collections.abc import Generator
 from typing import NamedTuple
 
-import jax
 import mujoco
 import numpy as np
 from mujoco import rollout
 
-from jaxleg.gait.support import stability_margin
 from jaxleg.robot import Robot
-from jaxleg.sim.model import STEP, TRUNK_CONTACT, build_model, over_unseen, surface_of
+from jaxleg.sim.model import STEP, build_model
+from jaxleg.sim.verdict import broken, down, grounded, measured, stand_of
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.walk.data import Reference
 
 SETTLE = 0.3  # the first pose is held this long before the walk [s]
-LOADED = 5.0  # a foot slips only while it carries more than this [N]
 
 
 class Verdict(NamedTuple):
@@ -42,8 +40,8 @@ def replay(
 ) -> list[Verdict]:
     """Replay walks, each on its own terrain, on two threads. `metered_from` is the first metered sample of the references.
 
-    A lane falls if it is tilted by more than 45 degrees, its trunk sinks below half its height or meets the ground, a foot
-    comes over unseen ground, or MuJoCo finds it unstable, warned or not finite; also where the reference is not finite.
+    A lane falls as `fall` says, its trunk's contacts being MuJoCo's; and if a foot comes over unseen ground, if MuJoCo finds
+    it unstable, warned or not finite, or if the reference is not finite.
     """
     if not references:
         return []
@@ -72,14 +70,6 @@ def no_log() -> Generator[None]:
         yield
     finally:
         before.set()
-
-
-def unstable(before: np.ndarray, states: np.ndarray) -> np.ndarray | np.bool_:
-    """Whether MuJoCo warned, or found no finite state, in steps (..., step, state) from the time `before` (...) [s]: after a
-    warning `rollout` repeats the last state, so that time stands still."""
-    time = np.concatenate([before[..., None], states[..., 0]], axis=-1)
-    stopped = ~(np.abs(np.diff(time) - STEP) < 0.01 * STEP).all(axis=-1)
-    return stopped | ~(np.abs(states) < mujoco.mjMAXVAL).all(axis=(-2, -1))
 
 
 def controls(robot: Robot, reference: Reference) -> np.ndarray:
@@ -112,40 +102,16 @@ def start_state(model: mujoco.MjModel, reference: Reference) -> np.ndarray:
 
 
 def _verdict(robot, terrain, reference, states, sensors, control, metered_from) -> Verdict:
-    """Meters from the trajectory: torques as the implicit step applied them, mid-step speeds."""
-    q, v = states[:, 1:20], states[:, 20:38]  # after each step
-    kp, kd, limit = (np.asarray(x, float).reshape(12) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit))
+    """The verdict on one walk, from the states after each step, the sensors seen in it and its control."""
     first = round((SETTLE + _clock(reference)[metered_from]) / STEP)
-    now, after = slice(first - 1, -1), slice(first, None)
-    torque = np.clip(control[after] - kp * q[now, 7:] - kd * v[after, 6:], -limit, limit)
-    power = torque * 0.5 * (v[now, 6:] + v[after, 6:])
-    current = torque / float(robot.torque_constant * robot.gear_ratio)
-    feet, load, com = sensors[:, :12].reshape(-1, 4, 3), sensors[:, 12:16], sensors[:, 16:19]
-    moved = np.linalg.norm(np.diff(feet[first - 1 :], axis=0), axis=-1)
-    held = (load[after] > LOADED) & (load[now] > LOADED)
-    margin = _margins(com[after][::10, :2], feet[after][::10, :, :2], load[after][::10] > 1.0)
+    states, sensors, control, began = states[None], sensors[None], control[None], np.zeros(1)
+    seen = measured(robot, states[:, first - 1 :], sensors[:, first - 1 :], control[:, first:])
+    fell = down(stand_of([terrain], [reference]), states, sensors) | grounded(sensors)
     return Verdict(
-        mechanical=float(power.sum() * STEP),
-        mechanical_positive=float(np.maximum(power, 0.0).sum() * STEP),
-        joule=float((current**2).sum() * float(robot.resistance) * STEP),
-        moved=q[-1, :2] - q[first - 1, :2],
-        time=float(len(power) * STEP),
-        slip=float((moved * held).sum(axis=0).mean()),
-        margin=float(np.min(margin, initial=np.inf)),
-        fell=_fell(terrain, states, sensors, feet) or not np.isfinite(control).all(),
+        **{name: float(value[0]) for name, value in seen.energy._asdict().items()},
+        moved=states[0, -1, 1:3] - states[0, first - 1, 1:3],
+        time=float((control.shape[1] - first) * STEP),
+        slip=float(seen.slip[0]),
+        margin=float(seen.margin[0]),
+        fell=bool((fell | broken(began, states, sensors, control))[0]),
     )
-
-
-@jax.jit
-def _margins(com, feet, loaded):
-    return jax.vmap(stability_margin)(com, feet, loaded)
-
-
-def _fell(terrain: HeightMap, states: np.ndarray, sensors: np.ndarray, feet: np.ndarray) -> bool:
-    if unstable(np.zeros(()), states) or not np.isfinite(sensors).all() or sensors[:, TRUNK_CONTACT].any():
-        return True
-    q = states[:, 1:20]
-    upright = 1.0 - 2.0 * (q[:, 4] ** 2 + q[:, 5] ** 2)
-    stand = q[:, 2] - feet[..., 2].mean(axis=1)
-    lost = np.isnan(terrain.elevation).any() and over_unseen(surface_of(terrain), feet).any()
-    return bool((upright < np.sqrt(0.5)).any() or (stand < 0.5 * stand[0]).any() or lost)

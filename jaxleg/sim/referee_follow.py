@@ -1,4 +1,4 @@
-"""The referee follows a long plan: C MuJoCo's contacts, integrator and height field, the feedback law of `follow`.
+"""The referee follows a long plan: C MuJoCo's contacts, integrator and height field, the feedback law of `control.course`.
 
 As in `referee` nothing of the batched simulation takes part but the robot's numbers, the plan and the joint controllers.
 """
@@ -12,14 +12,15 @@ import numpy as np
 from mujoco import rollout
 
 from jaxleg.control.course import Posture, between, command, held_feet
-from jaxleg.gait.support import stability_margin
 from jaxleg.leg.dynamics import all_leg_frames
+from jaxleg.leg.energy import Power
 from jaxleg.leg.kinematics import foot_jacobian
 from jaxleg.numerics import matmul
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
-from jaxleg.sim.model import STEP, TRUNK_CONTACT, build_model, over_unseen, surface_of
-from jaxleg.sim.referee import LOADED, SETTLE, no_log, start_state, unstable
+from jaxleg.sim.model import STEP, build_model
+from jaxleg.sim.referee import SETTLE, no_log, start_state
+from jaxleg.sim.verdict import Seen, Stand, broken, down, grounded, measured, stand_of
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.walk.data import Reference
 
@@ -56,7 +57,7 @@ def follow_all(
     ends, period = np.array([float(track.time[-1]) for track in tracks]), STEPS * STEP
     settle, walk = round(SETTLE / period), int(np.ceil(ends.max() / period))
     rows = _rows(tracks, period * np.arange(walk + 2))
-    meter = _Meter(robot, terrains, start, np.array([t.trunk_pos[0, 2] - t.foot_pos[0, :, 2].mean() for t in tracks]))
+    meter = _Meter(robot, stand_of(terrains, tracks), start)
     control, held = _controller(robot, period), np.stack([track.foot_pos[0] for track in tracks])
     state, feet, shots, every = start, held, [], max(round(frame / period), 1)
     with no_log(), np.errstate(over="ignore", invalid="ignore"), rollout.Rollout(nthread=2) as runner:
@@ -66,8 +67,8 @@ def follow_all(
                 shots.append(state[:, 1:20].copy())
             now, later = (_at(rows, max(tick, 0) + k) for k in (0, 1))
             wanted, held = (np.asarray(x) for x in control(now, now if tick < 0 else later, state[:, 1:20], held, feet))
-            steady = np.repeat(np.nan_to_num(wanted)[:, None], STEPS, axis=1)
-            states, sensors = runner.rollout(models, workers, state, steady)
+            wanted = np.repeat(wanted[:, None], STEPS, axis=1)
+            states, sensors = runner.rollout(models, workers, state, np.nan_to_num(wanted))
             meter.add(state, states, sensors, wanted, (tick >= 0) & (period * tick < ends))
             state, feet = states[:, -1], sensors[:, -1, :12].reshape(-1, 4, 3)
             if meter.broken.any():  # such a lane stands where it began, unmeasured
@@ -122,58 +123,32 @@ def _controller(robot: Robot, period: float):
 class _Meter:
     """Sums up what the lanes do, period by period."""
 
-    def __init__(self, robot: Robot, terrains: list[HeightMap], start: np.ndarray, stand: np.ndarray) -> None:
-        lanes = len(terrains)
-        self.gains = [np.asarray(x, float).reshape(12) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit)]
-        self.amperes = 1.0 / float(robot.torque_constant * robot.gear_ratio)
-        self.resistance, self.stand = float(robot.resistance), stand
-        self.sums = {name: np.zeros(lanes) for name in ("mechanical", "mechanical_positive", "joule", "slip")}
-        self.margin, self.fell, self.trunk = np.full(lanes, np.inf), np.zeros(lanes, bool), start[:, 1:4]
-        self.feet = np.full((lanes, 4, 3), np.nan)
-        self.broken, self.ticks = np.zeros(lanes, bool), np.zeros(lanes, int)
-        unseen = [i for i, terrain in enumerate(terrains) if np.isnan(terrain.elevation).any()]
-        self.unseen = {i: surface_of(terrains[i]) for i in unseen}
+    def __init__(self, robot: Robot, stand: Stand, start: np.ndarray) -> None:
+        lanes = len(start)
+        self.robot, self.stand, self.sensors = robot, stand, None
+        self.seen = Seen(Power(*np.zeros((3, lanes))), np.zeros(lanes), np.full(lanes, np.inf))
+        self.fell, self.broken, self.ticks = np.zeros(lanes, bool), np.zeros(lanes, bool), np.zeros(lanes, int)
+        self.trunk = start[:, 1:4]
 
     def add(self, before, states, sensors, control, counts) -> None:
-        """One period of all lanes: states (lane, step, ...) after each of its steps."""
-        self.broken |= (
-            unstable(before[:, 0], states) | ~np.isfinite(sensors).all(axis=(1, 2)) | ~np.isfinite(control).all(axis=1)
-        )
-        self._fall(states, sensors, counts)
+        """One period of all lanes: states (lane, step, ...) after each of its steps, control as many."""
+        self.broken |= broken(before[:, 0], states, sensors, control)
+        self.fell |= self.broken | grounded(sensors) | (counts & down(self.stand, states, sensors))
         counts = counts & ~self.fell
+        earlier = sensors[:, :1] if self.sensors is None else self.sensors
+        chain, felt = (np.concatenate(x, axis=1) for x in ((before[:, None], states), (earlier, sensors)))
+        self._count(measured(self.robot, chain, felt, control), counts)
         self.ticks += counts
-        kp, kd, limit = self.gains
-        chain = np.concatenate([before[:, None], states], axis=1)
-        q, v = chain[:, :, 1:20], chain[:, :, 20:38]
-        torque = np.clip(control[:, None] - kp * q[:, :-1, 7:] - kd * v[:, 1:, 6:], -limit, limit)
-        power = torque * 0.5 * (v[:, :-1, 6:] + v[:, 1:, 6:])
-        heat = (torque * self.amperes) ** 2 * self.resistance
-        for name, value in (("mechanical", power), ("mechanical_positive", np.maximum(power, 0.0)), ("joule", heat)):
-            self.sums[name] += np.where(counts, value.sum(axis=(1, 2)) * STEP, 0.0)
-        self._feet(sensors[:, -1], counts)
-        self.trunk = np.where(counts[:, None], q[:, -1, :3], self.trunk)
+        self.trunk = np.where(counts[:, None], states[:, -1, 1:4], self.trunk)
+        self.sensors = sensors[:, -1:]
 
-    def _fall(self, states, sensors, counts) -> None:
-        q, feet = states[:, -1, 1:20], sensors[:, -1, :12].reshape(-1, 4, 3)
-        upright = 1.0 - 2.0 * (q[:, 4] ** 2 + q[:, 5] ** 2)
-        low = q[:, 2] - feet[..., 2].mean(axis=1) < 0.5 * self.stand
-        lost = np.array([i in self.unseen and over_unseen(self.unseen[i], feet[i]).any() for i in range(len(feet))])
-        down = (upright < np.sqrt(0.5)) | low | lost
-        self.fell |= self.broken | sensors[..., TRUNK_CONTACT].any(axis=1) | (counts & down)
-
-    def _feet(self, sensors, counts) -> None:
-        feet, load, com = sensors[:, :12].reshape(-1, 4, 3), sensors[:, 12:16], sensors[:, 16:19]
-        moved = np.nan_to_num(np.linalg.norm(feet - self.feet, axis=-1)) * (load > LOADED)
-        self.sums["slip"] += np.where(counts, moved.mean(axis=1), 0.0)
-        margin = np.asarray(_margins(com[:, :2], feet[..., :2], load > 1.0))
-        self.margin = np.where(counts, np.minimum(self.margin, margin), self.margin)
-        self.feet = feet
+    def _count(self, more: Seen, counts) -> None:
+        energy = Power(*(x + np.where(counts, y, 0.0) for x, y in zip(self.seen.energy, more.energy)))
+        margin = np.where(counts, np.minimum(self.seen.margin, more.margin), self.seen.margin)
+        self.seen = Seen(energy, self.seen.slip + np.where(counts, more.slip, 0.0), margin)
 
     def judged(self, time: np.ndarray, shots: np.ndarray) -> Judged:
         """The result; `time` of each lane [s]."""
-        return Judged(**self.sums, time=time, margin=self.margin, fell=self.fell, trunk=self.trunk, shots=shots)
-
-
-@jax.jit
-def _margins(com, feet, loaded):
-    return jax.vmap(stability_margin)(com, feet, loaded)
+        slip, margin = self.seen.slip, self.seen.margin
+        rest = dict(time=time, slip=slip, margin=margin, fell=self.fell, trunk=self.trunk, shots=shots)
+        return Judged(**self.seen.energy._asdict(), **rest)

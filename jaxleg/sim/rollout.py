@@ -73,7 +73,7 @@ def ticker(world: World, controller: Controller[Any, Any], start: State, feet: F
         alive = checkpoint_name(lane.alive & ~fallen(trunk, after, seen.foot), "alive")  # no fall is looked for twice
         counted = alive & metered & ~controller.over(lane.memory)
         after, memory = _where(alive, (after, memory), (lane.state, lane.memory))
-        tally = measure(lane.tally, seen, after, lane.state, counted, now.dt)
+        tally = measure(lane.tally, robot, seen, after, lane.state, counted, now.dt)
         return Lane(after, memory, tally, alive), Ticked(seen, now.dt, counted)
 
     return Lane(start, controller.start(), no_tally(start.q.dtype), jnp.array(True)), tick
