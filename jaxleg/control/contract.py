@@ -1,11 +1,12 @@
 """The contract of a controller, and what passes between it and a simulation."""
 
-from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Generic, NamedTuple, TypeVar
 
+import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 Memory = TypeVar("Memory")
-Row = TypeVar("Row", contravariant=True)
+Row = TypeVar("Row")
 
 
 class State(NamedTuple):
@@ -45,13 +46,12 @@ class Tracking(NamedTuple):
     dt: Float[Array, "*n"]  # [s]
 
 
-@runtime_checkable
-class Controller(Protocol[Memory, Row]):
-    """Any of the controllers. `Memory` is a pytree that keeps its structure."""
+class Controller(Generic[Memory, Row]):
+    """What every controller is: a pytree. Its `Memory` is one too, of a structure that stays the same."""
 
     def start(self) -> Memory:
         """The memory before the first tick."""
-        ...
+        raise NotImplementedError
 
     def command(self, memory: Memory, sensed: Reading, row: Row) -> tuple[Tracking, Memory]:
         """The command for the tick that begins.
@@ -59,12 +59,12 @@ class Controller(Protocol[Memory, Row]):
         `row` is the tick's row of what was computed before the walk: a scanned input, because an indexed look-up in every
         step would make reverse mode quadratic in the steps. The open loop has one, the others get None.
         """
-        ...
+        raise NotImplementedError
 
     def felt(self, memory: Memory, sensed: Reading, torque: Float[Array, "leg joint"], after: State) -> Memory:
         """The memory after the tick: `torque` [N m] is what the motors applied from the sensed state to the one `after`."""
-        ...
+        return memory
 
     def over(self, memory: Memory) -> Bool[Array, ""]:
-        """Whether the walk has come to its end: from then on it stands, and is measured no more."""
-        ...
+        """Whether the walk has come to its end: from then on it stands, and is measured no more. By default never."""
+        return jnp.array(False)

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxleg.control.contract import Reading, State, Tracking
+from jaxleg.control.contract import Controller, Reading, Tracking
 from jaxleg.numerics import inverse3_safe, matvec
 from jaxleg.pytree import pytree
 from jaxleg.rotations import rotation_from_quaternion
@@ -104,7 +104,7 @@ class Along(NamedTuple):
 
 
 @pytree
-class Course:
+class Course(Controller[Along, None]):
     """Follows a plan up to its sample `last` in ticks of `dt` [s]."""
 
     rows: Rows
@@ -128,10 +128,6 @@ class Course:
         ticks = memory.ticks + under_way.astype(jnp.int32)
         past = under_way & (self._clock(ticks) >= high.time)
         return now, Along(memory.index + past.astype(jnp.int32), ticks, held)
-
-    def felt(self, memory: Along, sensed: Reading, torque: Float[Array, "leg joint"], after: State) -> Along:
-        """Nothing."""
-        return memory
 
     def over(self, memory: Along) -> Bool[Array, ""]:
         """Whether the last sample is past."""

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxleg.control.contract import Reading, State, Tracking
+from jaxleg.control.contract import Controller, Reading, State, Tracking
 from jaxleg.control.sensing import felt_forces
 from jaxleg.control.swing_leg import Feeling, Swinging, bounded, feel_on, foot_at, set_out
 from jaxleg.gait.order import SHIFT
@@ -36,7 +36,7 @@ class Progress(NamedTuple):
 
 
 @pytree
-class Reflex:
+class Reflex(Controller[Progress, None]):
     """Walks a plan in ticks of `dt` [s], its swinging leg by the machine's reflexes."""
 
     robot: Robot

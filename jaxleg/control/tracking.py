@@ -1,15 +1,14 @@
 """The open loop: the joint controllers follow a reference that was interpolated between its samples before the walk."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
 
-from jaxleg.control.contract import Reading, State, Tracking
+from jaxleg.control.contract import Controller, Reading, Tracking
 from jaxleg.pytree import pytree
 from jaxleg.walk.data import Reference
 
 
 @pytree
-class OpenLoop:
+class OpenLoop(Controller[tuple[()], Tracking]):
     """Commands what its row says; remembers nothing and ends with its rows."""
 
     def start(self) -> tuple[()]:
@@ -19,14 +18,6 @@ class OpenLoop:
     def command(self, memory: tuple[()], sensed: Reading, row: Tracking) -> tuple[Tracking, tuple[()]]:
         """The row itself."""
         return row, memory
-
-    def felt(self, memory: tuple[()], sensed: Reading, torque: Float[Array, "leg joint"], after: State) -> tuple[()]:
-        """Nothing."""
-        return memory
-
-    def over(self, memory: tuple[()]) -> Bool[Array, ""]:
-        """Never."""
-        return jnp.array(False)
 
 
 def interpolate(reference: Reference, steps: int) -> Tracking:
