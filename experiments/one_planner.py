@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 import tyro
 
 from experiments.common import setup, write
@@ -27,6 +28,7 @@ from jaxleg.posture.collision import Sizes
 from jaxleg.posture.incentre import Incentre
 from jaxleg.route.stations import Line, Stations
 from jaxleg.search.config import Gait, Study, baseline
+from jaxleg.search.contest import saving
 from jaxleg.search.lanes import Lab, to_params
 from jaxleg.search.leaves import read_leaves, with_leaves
 from jaxleg.search.navigate import navigate, navigator_of, simulate_all, survey_all
@@ -53,6 +55,13 @@ MOVED = (
 SIX = MOVED[:6]  # that must not be without effect
 STEP = 1e-5  # of a number's scale
 SCALE = np.array([0.2, 0.6, 0.4, 0.1, 0.1, 0.5, 0.1, 0.2, 1.0, 1.0, 1.0, 0.3])
+POSTURE = {  # numbers of C's posture that its energy search moves, and their bounds
+    "gait.hip_height": (0.40, 0.55),
+    "gait.foot_offset": (-0.12, 0.12),
+    "posture.levelling": (-0.01, 1.01),
+    "posture.target_weight": (-0.01, 1.01),
+    "posture.cog.ratio": (0.2, 0.8),
+}
 TARGETS = {"proxy": 1e-4, "simulated, flat": 1e-3, "simulated, rough": 1e-2}
 CYCLES, SAMPLES, STEPS = 2, (60, 50), 3
 HEADINGS = (0.0, 30.0, 77.0, 180.0)  # [deg]
@@ -66,18 +75,28 @@ class Walks(NamedTuple):
     choices: Choices
 
 
-def main(out: Path | None = None, quick: bool = False) -> None:
-    """All rows; `quick` takes few maps."""
-    jax.config.update("jax_enable_x64", True)
-    study, lab = setup()
-    navigation = dataclasses.replace(study.navigation, path=dataclasses.replace(study.navigation.path, steps=96, cells=120))
-    navigator = navigator_of(dataclasses.replace(study, navigation=navigation), lab.robot, GAIT, GRID.resolution)
-    result = {
-        "headings": headings(study, lab),
-        "a_on_curves": a_on_curves(study, lab, 8 if quick else 64),
-        "c_gradients": c_gradients(lab, navigator, 4 if quick else 32),
+def main(out: Path | None = None, quick: bool = False, parts: tuple[str, ...] = ()) -> None:
+    """All rows, or the `parts` named; `quick` takes few maps. Gradients and headings in double precision, walks in single."""
+    rows: dict[str, Callable[[], dict[str, Any]]] = {
+        "headings": lambda: doubled(headings),
+        "a_on_curves": lambda: a_on_curves(*setup(), 8 if quick else 64),
+        "c_energy_search": lambda: c_energy_search(*setup(), *((6, 4, 3) if quick else (64, 32, 16))),
+        "c_gradients": lambda: doubled(lambda study, lab: c_gradients(lab, small(study, lab), 4 if quick else 32)),
     }
-    write("one_planner", out, result)
+    write("one_planner", out, {name: rows[name]() for name in parts or rows} | {"quick": quick})
+
+
+def doubled(part: Callable[[Study, Lab], dict[str, Any]]) -> dict[str, Any]:
+    """A part in double precision."""
+    with jax.enable_x64(True):
+        return part(*setup())
+
+
+def small(study: Study, lab: Lab) -> Navigator:
+    """Paper C's planner for the small maps."""
+    path = dataclasses.replace(study.navigation.path, steps=96, cells=120)
+    study = dataclasses.replace(study, navigation=dataclasses.replace(study.navigation, path=path))
+    return navigator_of(study, lab.robot, GAIT, GRID.resolution)
 
 
 def headings(study: Study, lab: Lab) -> dict[str, Any]:
@@ -143,6 +162,73 @@ def a_planners(study: Study, lab: Lab, planner: Planner) -> dict[str, Planner]:
     searched = dataclasses.replace(planner, **parts)
     greedy = {"posture": Incentre(CogRule(zero, "overlap"), zero, "way-point"), "series": Greedy()}
     return {"tree": searched, "greedy": dataclasses.replace(searched, **greedy)}
+
+
+def c_energy_search(study: Study, lab: Lab, train: int, held: int, steps: int) -> dict[str, Any]:
+    """Numbers of C's posture moved by gradient over training maps, its choices made anew in each step; the walks of hand-set
+    and moved numbers followed in MJX on other maps."""
+    navigator = small(study, lab)
+    walks, found = planned(navigator, some_maps(train, 0.5))
+    walks = take(walks, np.flatnonzero(found))
+    low, high = (np.array(x, np.float32) for x in zip(*POSTURE.values()))
+    numbers = np.asarray(read_leaves(navigator.planner, tuple(POSTURE)), np.float32)
+    free, optimiser = np.log((numbers - low) / (high - numbers)), optax.adam(0.3)
+    state, slope, history = optimiser.init(free), over_lanes(jax.value_and_grad(held_cost(lab, navigator)), 8), []
+    rechoose = over_lanes(functools.partial(_choices, navigator), 8)
+    for step in range(steps):
+        batch = take(walks, (16 * step + np.arange(16)) % len(walks.site.valid))
+        at = low + (high - low) / (1.0 + np.exp(-free))
+        choices, good = rechoose(np.tile(at, (16, 1)), batch.site, batch.line)
+        value, gradient = slope(np.tile(at, (16, 1)), batch._replace(choices=choices))
+        good = good & np.isfinite(gradient).all(axis=1)
+        mean = np.where(good[:, None], gradient, 0.0).sum(axis=0) / max(good.sum(), 1)
+        history.append({"cost": float(value[good].mean()), "planned": int(good.sum())} | dict(zip(POSTURE, at.tolist())))
+        print(step, history[-1])
+        update, state = optimiser.update(mean * (at - low) * (high - at) / (high - low), state)
+        free = np.asarray(optax.apply_updates(free, update))
+    at = low + (high - low) / (1.0 + np.exp(-free))
+    return {"moved": dict(zip(POSTURE, at.tolist())), "history": history} | compared(lab, navigator, at, held)
+
+
+def held_cost(lab: Lab, navigator: Navigator) -> Callable[[jax.Array, Walks], jax.Array]:
+    """Energy per metre by the proxy over 1000 J/m, and what knee bend and margin lack; the choices held."""
+
+    def cost(numbers: jax.Array, walks: Walks) -> jax.Array:
+        planner = with_leaves(navigator.planner, tuple(POSTURE), numbers)
+        stations = stations_of(planner, walks.line, walks.choices.adjust.shape[0])
+        seen = evaluate(lab.robot, build_walk(planner, lab.robot, walks.site, stations, walks.choices))
+        bend = jax.nn.relu(planner.limits.knee_bend - seen.checks.knee_bend) / 0.02
+        margin = jax.nn.relu(planner.limits.margin - seen.checks.margin) / 0.01
+        return _electrical(lab, seen.energy) / seen.distance / 1000.0 + 0.1 * (bend + margin)
+
+    return cost
+
+
+def _choices(navigator: Navigator, numbers: jax.Array, site: Site, line: Line):
+    """The choices along a line with these numbers, and whether there are any."""
+    planner = with_leaves(navigator.planner, tuple(POSTURE), numbers)
+    stations = stations_of(planner, line, navigator.steps)
+    choices, _ = choose(planner, navigator.robot, site, stations, navigator.steps)
+    return choices, choices.status == Status.OK
+
+
+def compared(lab: Lab, navigator: Navigator, numbers: np.ndarray, held: int) -> dict[str, Any]:
+    """Energy of the walks with hand-set and with moved numbers on maps that no search has seen; pairs that both walk."""
+    maps = some_maps(2 * held, 0.5)
+    maps = jax.tree.map(lambda x: x[held:], maps)
+    ends = [np.tile(np.asarray(xy, np.float32), (held, 1)) for xy in (START, GOAL)]
+    surveys, energy, walked = survey_all(navigator, maps), [], []
+    for planner in (navigator.planner, with_leaves(navigator.planner, tuple(POSTURE), jnp.asarray(numbers))):
+        other = dataclasses.replace(navigator, planner=planner)
+        made, _ = navigate(other, surveys, *ends)
+        seen = simulate_all(other, lab.engine, lab.ground, surveys, made, ends[1])
+        joints = seen.followed.meters.energy
+        energy.append((joints.mechanical_positive + joints.joule).sum(axis=(1, 2)) / made.walk.way)
+        walked.append((made.status == Status.OK) & seen.finished)
+    both = walked[0] & walked[1]
+    saved = saving(energy[1][both], energy[0][both], 2000, 0)
+    print(f"C, moved against hand-set: {saved} over {both.sum()} of {held} maps")
+    return {"saving": saved, "maps": held, "walked": [int(w.sum()) for w in walked]}
 
 
 def planned(navigator: Navigator, maps: HeightMap) -> tuple[Walks, np.ndarray]:

@@ -56,14 +56,14 @@ def settings(bend=20.0, threshold=0.0, rule="overlap", ratio=0.5):
 
 
 SIZES = Sizes(0.02, 0.02, (0.8, 0.24, 0.15))
-NO_SEARCH = SearchRectangle(*(jnp.zeros(()) for _ in range(5)))
 
 
 def crawl(robot, params, options, terrain, offsets, status, sizes=SIZES):
     """Paper A's walk along +x from the nominal footholds plus offsets (x, y)."""
     extent, (speed, bend, clearance, load_share, cog, threshold) = Extent((0, 0), 0), options
-    planner = paper_a(params, NO_SEARCH, extent, cog, speed, bend, clearance, load_share, threshold)
     cycles, dtype = offsets.shape[0] - 1, terrain.elevation.dtype
+    no_search = SearchRectangle(*(jnp.zeros((), dtype) for _ in range(5)))
+    planner = paper_a(params, no_search, extent, cog, speed, bend, clearance, load_share, threshold)
     missing = jnp.where(jnp.any(status == FootholdStatus.NONE), Status.NO_FOOTHOLD, Status.OK).astype(jnp.int32)
     choices = no_choice(cycles, dtype)._replace(offset=offsets, found=status, status=missing)
     site = Site(terrain, jnp.ones(terrain.elevation.shape, bool), robot_obstacles(sizes, terrain, 0.02))
