@@ -20,7 +20,8 @@ import tyro
 from experiments.common import timed, write
 from experiments.plain_footholds import plain_features, plain_plan, plain_valid
 from jaxleg.cli import configure_jax
-from jaxleg.foothold.cascade import Footholds, FootholdStatus, Reachable, choose
+from jaxleg.foothold.cascade import Reachable, choose_stance
+from jaxleg.foothold.contract import Footholds, FootholdStatus
 from jaxleg.foothold.rectangle import SearchRectangle, extent_of
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain_batch, valid_cells
 from jaxleg.terrain.features import FeatureSettings, traversability
@@ -83,7 +84,7 @@ def planned(elevation: jax.Array, easy: jax.Array) -> Footholds:
     valid = valid_cells(terrain, RESOLUTION, FOOT, easy=easy)
     rectangle = SearchRectangle(*(jnp.asarray(x, float) for x in (0.30, 0.08, 0.08, 0.5, 0.0)))
     reachable = Reachable(*map(jnp.asarray, LIMITS))
-    stances = jax.vmap(choose, in_axes=(0, None, None, None, None, None))
+    stances = jax.vmap(choose_stance, in_axes=(0, None, None, None, None, None))
     return stances(jnp.asarray(NOMINAL, float), valid, terrain, rectangle, reachable, EXTENT)
 
 

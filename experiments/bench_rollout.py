@@ -25,7 +25,7 @@ import tyro
 from mujoco import rollout
 
 from experiments.common import setup, timed, write
-from jaxleg.batch import over_lanes
+from jaxleg.batch import in_chunks, on_devices, over_lanes
 from jaxleg.leg.energy import Power, electrical, motor_power
 from jaxleg.posture.collision import Sizes, robot_obstacles
 from jaxleg.search.config import Study, baseline
@@ -201,13 +201,18 @@ def reverse(lab: Lab, vectors: np.ndarray, lanes: Lanes, count: int = 256) -> di
     """Memory of reverse mode over whole walks: what the compiled chunk needs on all devices, and the process's peak."""
     count = min(count, len(vectors))
     some = first(lanes, count)
-    began = time.perf_counter()
-    *_, gradient = lab.simulate_gradients(vectors[:count], some.site, some.setting)
+    devices = jax.local_device_count()
+    chunk = devices * max(1, lab.chunk // 2)  # as `Lab.simulate_gradients`
+    began, part = time.perf_counter(), first(lanes, chunk)
+
+    def lane(vector, site, setting):
+        choice = lab.choose(vector, site, setting.least_bend)
+        return jax.grad(lab.simulated, has_aux=True)(vector, site, choice, setting)[0]
+
+    run = on_devices(jax.vmap(lane))
+    gradient = in_chunks(lambda *lanes: run((), lanes), chunk, vectors[:count], some.site, some.setting)
     wall = time.perf_counter() - began
-    chunk, devices = lab.simulate_gradients.args[1], jax.local_device_count()
-    part = first(lanes, chunk)
-    compiled = lab.simulate_gradients.args[0].lower(vectors[:chunk], part.site, part.setting).compile()
-    memory = compiled.memory_analysis()
+    memory = run.lower((), (vectors[:chunk], part.site, part.setting)).compile().memory_analysis()
     inputs = sum(np.asarray(x).nbytes for x in jax.tree.leaves(some)) / 2**30
     total = inputs + devices * (memory.temp_size_in_bytes + memory.output_size_in_bytes) / 2**30
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20

@@ -20,7 +20,8 @@ import tyro
 
 from experiments.common import setup, write
 from jaxleg.conventions import LEGS, InputError
-from jaxleg.foothold.cascade import FootholdStatus, Reachable, choose, reachable_heights
+from jaxleg.foothold.cascade import Reachable, choose_stance, reachable_heights
+from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.foothold.rectangle import SearchRectangle, extent_of
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.params import GaitParams
@@ -82,7 +83,7 @@ def plan(site: Site, box: SearchRectangle, nominal: jax.Array, reachable: Reacha
     """One call of the planner for nominal footholds (stance, leg, xy) in W [m]; the extent follows from the map's cells."""
     size, resolution = float(box.length + box.longer), float(site.terrain.resolution)
     extent = extent_of(size, float(box.width), float(reachable.step), resolution, float(box.heading))
-    stances = jax.jit(jax.vmap(functools.partial(choose, extent=extent), in_axes=(0, None, None, None, None)))
+    stances = jax.jit(jax.vmap(functools.partial(choose_stance, extent=extent), in_axes=(0, None, None, None, None)))
     choice = stances(nominal, site.valid, site.terrain, box, reachable)
     return Planned(site, box, np.asarray(nominal), choice)
 

@@ -23,7 +23,7 @@ from jaxleg.cli import configure_jax
 from jaxleg.swing.informed import Informed, informed_swings
 from jaxleg.swing.localmap import points, sampled
 from jaxleg.swing.machine import Machine, Mode, Step, extended, printed
-from jaxleg.swing.planner import Planner, as_printed, cautious, repaired, shortest
+from jaxleg.swing.planner import RoutePlanner, as_printed, cautious, repaired, shortest
 from jaxleg.swing.profile import height, natural_spline
 from jaxleg.swing.trace import informed_trace
 from jaxleg.viz.swing import SwingPicture, draw_swings
@@ -84,7 +84,7 @@ def lowered(heights: np.ndarray, error: float) -> np.ndarray:
     return map_heights
 
 
-def swings(machine: Machine, planner: Planner, count: int) -> Any:
+def swings(machine: Machine, planner: RoutePlanner, count: int) -> Any:
     """So many swings at once: knot heights of terrain and map -> `Informed`."""
     step = Step(*map(jnp.asarray, STEP))
 

@@ -26,7 +26,7 @@ from jaxleg.swing.blind import blind_swing
 from jaxleg.swing.informed import informed_swing
 from jaxleg.swing.localmap import LocalMap, sampled
 from jaxleg.swing.machine import Machine, Mode, Step, extended, printed
-from jaxleg.swing.planner import Planner, cautious, shortest
+from jaxleg.swing.planner import RoutePlanner, cautious, shortest
 from jaxleg.swing.profile import Profile, height, hermite
 from jaxleg.swing.trace import Trace, blind_trace, informed_trace
 from jaxleg.viz.swing import draw_course
@@ -104,7 +104,7 @@ def _blind(machine: Machine, step: Step, ground: tuple[Profile, Profile], planne
 
 
 @jax.jit
-def _informed(machine: Machine, step: Step, ground: tuple[Profile, Profile], planner: Planner) -> Any:
+def _informed(machine: Machine, step: Step, ground: tuple[Profile, Profile], planner: RoutePlanner) -> Any:
     return informed_swing(machine, planner, step, ground[0], told(step, ground[1])).swing
 
 
@@ -130,7 +130,7 @@ def walk(
 class Lander:
     """The feet of a walk and what it has cost so far."""
 
-    def __init__(self, machine: str, planner: Planner | None, ground: tuple[Profile, Profile]) -> None:
+    def __init__(self, machine: str, planner: RoutePlanner | None, ground: tuple[Profile, Profile]) -> None:
         self.make, self.planner, self.ground = MACHINES[machine], planner, ground
         self.feet = {leg: np.array([place, 0.0]) for leg, place in LEGS.items()}
         self.tally = {"swings": 0, "returns": 0, "collisions": 0, "adjustments": 0, "foot_path": 0.0, "time": 0.0}
@@ -166,7 +166,7 @@ def attempts(answers: bool) -> list[tuple[float, float]]:
     return more if answers else more[:1]
 
 
-def traced(machine: Machine, step: Step, ground: tuple[Profile, Profile], planner: Planner | None) -> Trace:
+def traced(machine: Machine, step: Step, ground: tuple[Profile, Profile], planner: RoutePlanner | None) -> Trace:
     """The path of one swing."""
     if planner:
         return informed_trace(machine, planner, step, ground[0], told(step, ground[1]))

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from jaxleg.foothold.cascade import FootholdStatus
+from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.terrain import Grid
 
 LENGTHS, WIDTH, WEIGHT = (0.30, 0.38), 0.08, 0.5

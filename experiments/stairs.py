@@ -17,7 +17,7 @@ import tyro
 
 from experiments.slow_walk import power_over_time, walks
 from experiments.table_one import NAMES, Table, checked, finish, planned, result, saving_ratio, spans, table
-from jaxleg.foothold.cascade import FootholdStatus
+from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.search.config import Study
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, Setting

@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Int
 from experiments.common import setup, write
 from experiments.walk_maps import GAIT
 from jaxleg.batch import layout, over_lanes, over_queue, shared_out
-from jaxleg.foothold.cascade import FootholdStatus
+from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.route.path import BodyPath
 from jaxleg.search.navigate import MOST, navigator_of
 from jaxleg.series.tree import SearchStatus, advance, begin
@@ -30,7 +30,7 @@ from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
 from jaxleg.terrain.site import Site
 from jaxleg.viz.navigation import Look, draw_dead_end
 from jaxleg.walk.choose import first_stance, step_nodes
-from jaxleg.walk.feasible import Stance
+from jaxleg.walk.feasible import Standing
 from jaxleg.walk.navigation import Navigator
 
 GRID = Grid(70, 36, 0.04, (0.02, 0.02))
@@ -75,7 +75,7 @@ class Outcome(NamedTuple):
 
     status: Int[Array, ""]
     stood: Bool[Array, ""]
-    states: Stance
+    states: Standing
     count: Int[Array, ""]
     visited: Int[Array, ""]
 

@@ -28,7 +28,7 @@ from jaxleg.swing.blind import Swing, blind_swings
 from jaxleg.swing.informed import informed_swings
 from jaxleg.swing.localmap import sampled
 from jaxleg.swing.machine import Machine, Mode, Step, extended, printed
-from jaxleg.swing.planner import Planner, cautious
+from jaxleg.swing.planner import RoutePlanner, cautious
 from jaxleg.swing.profile import natural_spline
 from jaxleg.viz.swing import draw_front
 
@@ -107,7 +107,7 @@ def tune_planner(count: int, tries: int, folder: Path) -> dict[str, Any]:
     train, held_out = stacked(slice(third)), stacked(slice(third, None))
     start = np.array([float(getattr(cautious(), name)) for name in PLANNER])
 
-    def planner(x) -> Planner:
+    def planner(x) -> RoutePlanner:
         return cautious(**dict(zip(PLANNER, map(float, x))))
 
     found = search(lambda x: judge(call(*train, common=(planner(x),))), PLANNER, start, max(tries // 2, 4))
@@ -115,7 +115,7 @@ def tune_planner(count: int, tries: int, folder: Path) -> dict[str, Any]:
     return report("planner", found, PLANNER, rows, folder)
 
 
-def _planned(planner: Planner, heights, believed) -> Swing:
+def _planned(planner: RoutePlanner, heights, believed) -> Swing:
     local = jax.vmap(lambda knots: sampled(natural_spline(knots), *MAP))(believed)
     machine, step = printed(high=CALIBRATED), Step(*map(jnp.asarray, STEP))
     return informed_swings(machine, planner, step, jax.vmap(natural_spline)(heights), local).swing

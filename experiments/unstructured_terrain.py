@@ -95,7 +95,7 @@ def walk(
     lab: Lab, navigator: Navigator, survey: Survey, walked: Walked, goal: np.ndarray, folder: Path, referee: bool
 ) -> dict[str, Any]:
     """Fig. 14: walk it in MJX, draw it, and again in C MuJoCo."""
-    planned = jax.jit(navigator.planned)(survey, walked)
+    planned = jax.jit(navigator.planned)(walked)
     seen, shots = filmed(lab, navigator, survey.site.terrain, planned)
     last = int(planned.last)
     steps = trail(survey.site.terrain, walked, shots, walked.walk.poses[0, :2], goal)

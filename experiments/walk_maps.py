@@ -104,7 +104,7 @@ def refereed(
     """Some walks again in C MuJoCo, evenly from easy to hard: outcomes, and energy beside MJX."""
     lanes = lanes[np.linspace(0, len(lanes) - 1, count).round().astype(int)]
     part = jax.tree.map(lambda x: x[lanes], (surveys, walked))
-    planned = over_lanes(navigator.planned, *layout(count, MOST))(*part)
+    planned = over_lanes(navigator.planned, *layout(count, MOST))(part[1])
     cut = [jax.tree.map(lambda x, i=i: x[i, : planned.last[i] + 1], planned.reference) for i in range(count)]
     grounds = [jax.tree.map(lambda x, i=i: x[i], part[0].site.terrain) for i in range(count)]
     judged = follow_all(lab.robot, grounds, cut, float(lab.ground.friction))

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxleg.foothold.cascade import FootholdStatus
+from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.foothold.rectangle import Extent, SearchRectangle
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.params import GaitParams

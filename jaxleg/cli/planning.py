@@ -53,7 +53,7 @@ def make(task: Any, console: Any) -> int:
             console.print(line)
         return EXIT_INFEASIBLE
     with console.status("reference"):
-        planned = jax.jit(navigator.planned)(survey, walk)
+        planned = jax.jit(navigator.planned)(walk)
     save(task, navigator, walk, planned, goal[0])
     show(task, console, walk, planned, int(detours[0]))
     if task.figure:

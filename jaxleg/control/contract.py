@@ -1,5 +1,6 @@
 """The contract of a controller, and what passes between it and a simulation."""
 
+import abc
 from typing import Generic, NamedTuple, TypeVar
 
 import jax.numpy as jnp
@@ -46,20 +47,23 @@ class Tracking(NamedTuple):
     dt: Float[Array, "*n"]  # [s]
 
 
-class Controller(Generic[Memory, Row]):
-    """What every controller is: a pytree. Its `Memory` is one too, of a structure that stays the same."""
+class Controller(abc.ABC, Generic[Memory, Row]):
+    """What every controller is: a pytree. Its `Memory` is one too, of a structure that stays the same.
 
+    One that lacks `start` or `command` cannot be made: TypeError.
+    """
+
+    @abc.abstractmethod
     def start(self) -> Memory:
         """The memory before the first tick."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def command(self, memory: Memory, sensed: Reading, row: Row) -> tuple[Tracking, Memory]:
         """The command for the tick that begins.
 
         `row` is the tick's row of what was computed before the walk: a scanned input, because an indexed look-up in every
         step would make reverse mode quadratic in the steps. The open loop has one, the others get None.
         """
-        raise NotImplementedError
 
     def felt(self, memory: Memory, sensed: Reading, torque: Float[Array, "leg joint"], after: State) -> Memory:
         """The memory after the tick: `torque` [N m] is what the motors applied from the sensed state to the one `after`."""

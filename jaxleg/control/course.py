@@ -95,7 +95,7 @@ def command(low: Reference, high: Reference, time: Float[Array, ""], dt: Float[A
     return Tracking(corrected(row, now), later.joint_vel, torque, dt)
 
 
-class Along(NamedTuple):
+class CourseMemory(NamedTuple):
     """How far a plan has been followed."""
 
     index: Int[Array, ""]  # sample of the reference that is past
@@ -104,7 +104,7 @@ class Along(NamedTuple):
 
 
 @pytree
-class Course(Controller[Along, None]):
+class Course(Controller[CourseMemory, None]):
     """Follows a plan up to its sample `last` in ticks of `dt` [s]."""
 
     rows: Rows
@@ -112,12 +112,12 @@ class Course(Controller[Along, None]):
     last: Int[Array, ""]
     dt: Float[Array, ""]
 
-    def start(self) -> Along:
+    def start(self) -> CourseMemory:
         """At the plan's first sample."""
         zero = jnp.zeros((), jnp.int32)
-        return Along(zero, zero, self.feet)
+        return CourseMemory(zero, zero, self.feet)
 
-    def command(self, memory: Along, sensed: Reading, row: None) -> tuple[Tracking, Along]:
+    def command(self, memory: CourseMemory, sensed: Reading, row: None) -> tuple[Tracking, CourseMemory]:
         """The plan's command, corrected; after its last sample that one's pose, standing."""
         (state, terms), under_way = sensed, memory.index < self.last
         low, high = samples_at(self.rows, memory.index)
@@ -127,9 +127,9 @@ class Course(Controller[Along, None]):
         now = now._replace(velocity=jnp.where(under_way, now.velocity, 0.0))
         ticks = memory.ticks + under_way.astype(jnp.int32)
         past = under_way & (self._clock(ticks) >= high.time)
-        return now, Along(memory.index + past.astype(jnp.int32), ticks, held)
+        return now, CourseMemory(memory.index + past.astype(jnp.int32), ticks, held)
 
-    def over(self, memory: Along) -> Bool[Array, ""]:
+    def over(self, memory: CourseMemory) -> Bool[Array, ""]:
         """Whether the last sample is past."""
         return memory.index >= self.last
 

@@ -23,7 +23,7 @@ from jaxleg.walk.reference import Instant, instant_of, phase_instant, pose_at
 from jaxleg.walk.trajectory import load_weight, trunk_path
 
 
-class Progress(NamedTuple):
+class ReflexMemory(NamedTuple):
     """Where the walk is."""
 
     phase: Int[Array, ""]
@@ -36,7 +36,7 @@ class Progress(NamedTuple):
 
 
 @pytree
-class Reflex(Controller[Progress, None]):
+class Reflex(Controller[ReflexMemory, None]):
     """Walks a plan in ticks of `dt` [s], its swinging leg by the machine's reflexes."""
 
     robot: Robot
@@ -46,16 +46,16 @@ class Reflex(Controller[Progress, None]):
     first: Instant  # of the walk
     dt: Float[Array, ""]
 
-    def start(self) -> Progress:
+    def start(self) -> ReflexMemory:
         """Before the first phase."""
         first, robot, walk = self.first, self.robot, self.walk
         zero = jnp.zeros((), walk.footholds.dtype)
         hip = first.pose[:3] + robot.hip_position[0]
         swing = set_out(robot, self.feel, first.feet[0], walk.phases.feet_to[0, 0], hip, zero + 1.0)
         raised, felt = jnp.zeros(2, zero.dtype), jnp.zeros((4, 3), zero.dtype)
-        return Progress(jnp.zeros((), jnp.int32), zero, first.feet, raised, swing, felt, jnp.array(False))
+        return ReflexMemory(jnp.zeros((), jnp.int32), zero, first.feet, raised, swing, felt, jnp.array(False))
 
-    def command(self, memory: Progress, sensed: Reading, row: None) -> tuple[Tracking, Progress]:
+    def command(self, memory: ReflexMemory, sensed: Reading, row: None) -> tuple[Tracking, ReflexMemory]:
         """The plan's instant, with the feet where they were felt and the foot under way where its machine has it."""
         load_share = self.walk.load_share
         phase, _, swings = _now(self.walk, memory)
@@ -65,14 +65,14 @@ class Reflex(Controller[Progress, None]):
         now = instant_of(self.robot, pose_at(_wanted(self, memory), jnp.zeros((), self.dt.dtype)), weight)
         return Tracking(now.angles, now.velocity + self.dt * now.acceleration, now.torque, self.dt), memory
 
-    def felt(self, memory: Progress, sensed: Reading, torque: Float[Array, "leg joint"], after: State) -> Progress:
+    def felt(self, memory: ReflexMemory, sensed: Reading, torque: Float[Array, "leg joint"], after: State) -> ReflexMemory:
         """The walk a tick later, by the forces that the feet feel."""
         feel, dt = self.feel, self.dt
         force = felt_forces(sensed.terms, self.robot, torque, sensed.state, after, dt, feel.inertia)
         felt = memory.felt + (force - memory.felt) * dt / (feel.delay + dt)
         return _proceed(self, memory._replace(felt=felt), after)
 
-    def over(self, memory: Progress) -> Bool[Array, ""]:
+    def over(self, memory: ReflexMemory) -> Bool[Array, ""]:
         """Whether every phase is past."""
         return memory.phase >= _count(self.walk)
 
@@ -83,14 +83,14 @@ def reflex(robot: Robot, walk: Walk, machine: Machine, feel: Feeling, dt: Float[
     return Reflex(robot, walk, machine, feel, phase_instant(robot, phase, 0.0, walk.gait.lift_share, walk.load_share), dt)
 
 
-def under_way(reflex: Reflex, at: Progress) -> tuple[Int[Array, ""], Bool[Array, ""]]:
+def under_way(reflex: Reflex, at: ReflexMemory) -> tuple[Int[Array, ""], Bool[Array, ""]]:
     """The leg of the phase, and whether its foot is on its way."""
     phase, leg, swings = _now(reflex.walk, at)
     unloaded = at.clock >= reflex.walk.load_share * phase.duration
     return leg, swings & unloaded & (at.swing.state.mode < Mode.SUPPORTED)
 
 
-def _wanted(reflex: Reflex, now: Progress):
+def _wanted(reflex: Reflex, now: ReflexMemory):
     """The function of how much later [s] that gives the trunk (6,) and the feet (4, 3) that are wanted then."""
     phase, leg, swings = _now(reflex.walk, now)
     moving, settled = under_way(reflex, now)[1], swings | reflex.over(now)
@@ -107,7 +107,7 @@ def _wanted(reflex: Reflex, now: Progress):
     return at
 
 
-def _now(walk: Walk, at: Progress):
+def _now(walk: Walk, at: ReflexMemory):
     """The phase's plan, its leg, and whether it swings one; after the walk the last pose, standing."""
     count = _count(walk)
     index = jnp.minimum(at.phase, count - 1)
@@ -125,13 +125,13 @@ def _moved(reflex: Reflex, phase):
     return phase.duration * (1.0 - 2.0 * reflex.walk.load_share)
 
 
-def _foot(reflex: Reflex, at: Progress, phase, leg, later):
+def _foot(reflex: Reflex, at: ReflexMemory, phase, leg, later):
     """The moving foot a little later."""
     machine, lift_share = bounded(reflex.machine, at.swing), reflex.walk.gait.lift_share
     return foot_at(machine, reflex.feel, at.swing, phase.apex[leg], lift_share, _moved(reflex, phase), later)
 
 
-def _proceed(reflex: Reflex, at: Progress, state: State) -> Progress:
+def _proceed(reflex: Reflex, at: ReflexMemory, state: State) -> ReflexMemory:
     """The walk a tick later: the swing goes on, or the clock; a phase that is over makes way for the next."""
     share, dt, (leg, moving) = reflex.walk.load_share, reflex.dt, under_way(reflex, at)
     phase = _now(reflex.walk, at)[0]
@@ -149,7 +149,7 @@ def _proceed(reflex: Reflex, at: Progress, state: State) -> Progress:
     return _set_out(reflex, after, over, state)
 
 
-def _set_out(reflex: Reflex, at: Progress, begins, state: State) -> Progress:
+def _set_out(reflex: Reflex, at: ReflexMemory, begins, state: State) -> ReflexMemory:
     """Where a phase begins: its foot's swing from where the foot stands, or how far the trunk is to rise in its shift."""
     feel, (phase, leg, swings) = reflex.feel, _now(reflex.walk, at)
     hips = state.q[None, :3] + matvec(rotation_from_quaternion(state.q[3:7]), reflex.robot.hip_position)

@@ -14,6 +14,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.conventions import LEG_END
+from jaxleg.foothold.contract import Footholds, FootholdStatus, Proposal
 from jaxleg.foothold.rectangle import (
     Candidates,
     Extent,
@@ -27,7 +28,7 @@ from jaxleg.foothold.rectangle import (
 )
 from jaxleg.gait.params import GaitParams
 from jaxleg.leg.kinematics import reach_for_bend
-from jaxleg.numerics import Code, sqrt_safe
+from jaxleg.numerics import sqrt_safe
 from jaxleg.pytree import pytree, static
 from jaxleg.robot.model import Robot
 from jaxleg.rotations import to_heading
@@ -35,30 +36,6 @@ from jaxleg.terrain.heightmap import HeightMap, nearest_cell
 from jaxleg.terrain.site import Site
 
 BLOCK = 64  # cells a leg that the last resort looks at together
-
-
-class FootholdStatus(Code):
-    """How a foothold was found by the cascade (paper A, IV.B.3)."""
-
-    NOMINAL = 0  # a common offset within the rectangle
-    WIDENED = 1  # a common offset within the lengthened rectangle
-    NEAREST = 2  # no common offset: this leg's valid cell nearest to nominal
-    NONE = 3  # no valid cell at all: placed nowhere, the lane is infeasible
-
-
-class Footholds(NamedTuple):
-    """Chosen offsets from the nominal footholds (x, y in W) [m] and a `FootholdStatus` a leg; NONE comes with offset 0."""
-
-    offset: Float[Array, "leg 2"]
-    status: Int[Array, "leg"]
-
-
-class Proposal(NamedTuple):
-    """Candidate footholds of a leg, best first."""
-
-    xy: Float[Array, "foothold 2"]  # in W [m]
-    exists: Bool[Array, "foothold"]
-    cost: Float[Array, "foothold"]
 
 
 class Reachable(NamedTuple):
@@ -93,7 +70,7 @@ class Cascade:
         nominal, gait, yaw, this = jax.lax.stop_gradient((nominal, gait, yaw, self))
         reachable = reachable_heights(robot, gait, this.least_bend)
         rectangle = dataclasses.replace(this.rectangle, heading=yaw)
-        return choose(nominal, site.valid, site.terrain, rectangle, reachable, self.extent)
+        return choose_stance(nominal, site.valid, site.terrain, rectangle, reachable, self.extent)
 
     def propose(
         self,
@@ -130,7 +107,7 @@ def reachable_heights(robot: Robot, gait: GaitParams, least_bend: Float[ArrayLik
     return Reachable(thigh - deepest, gait.hip_height - thigh, gait.step_length)
 
 
-def choose(
+def choose_stance(
     nominal: Float[Array, "leg 2"],
     valid: Bool[Array, "nx ny"],
     terrain: HeightMap,
@@ -170,8 +147,8 @@ def soft_offset(
 ) -> Float[Array, "2"]:
     """Soft form of the first run of the cascade: the softmax mean of the common offsets, for gradients.
 
-    Tends to `choose`'s offset as the temperature tends to 0 (where that run finds one and has no tie); differentiable in the
-    rectangle's parameters. With no common candidate it is zero.
+    Tends to `choose_stance`'s offset as the temperature tends to 0 (where that run finds one and has no tie); differentiable
+    in the rectangle's parameters. With no common candidate it is zero.
     """
     seen = candidates(rectangle, terrain.resolution, extent.cells)
     found = _look(nominal, valid, terrain, seen, reachable, extent.cells)

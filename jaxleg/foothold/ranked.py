@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxleg.foothold.cascade import Footholds, FootholdStatus, Proposal
+from jaxleg.foothold.contract import Footholds, FootholdStatus, Proposal
 from jaxleg.foothold.rectangle import cells_around
 from jaxleg.gait.params import GaitParams
 from jaxleg.pytree import pytree, static
@@ -39,6 +39,7 @@ class Ranked:
         """The best valid cells of the rectangle round a leg's nominal foothold, turned to the heading [rad]."""
         del robot, gait
         resolution, shape = site.terrain.resolution, jnp.array([site.valid.shape], jnp.int32)
+        valid, cost = jnp.asarray(site.valid), jnp.asarray(site.cost)  # NumPy's could not be indexed by a tracer
         origin, default = site.terrain.origin[None], nominal[leg][None]
         middle = nearest_cell(site.terrain, default)
         cell = middle + jnp.asarray(cells_around((self.cells, self.cells)), jnp.int32).reshape(-1, 2)
@@ -48,8 +49,8 @@ class Ranked:
         safe = jnp.clip(cell, 0, shape - 1)
         heading = jnp.round(yaw / (0.25 * jnp.pi)).astype(jnp.int32) % 8
         near = jnp.linalg.norm(xy - default, axis=1) / (0.5 * jnp.linalg.norm(size))
-        value = self.cost_weight * site.cost[leg, heading, safe[:, 0], safe[:, 1]] + self.distance_weight * near
-        usable = inside & site.valid[safe[:, 0], safe[:, 1]] & jnp.isfinite(value)
+        value = self.cost_weight * cost[leg, heading, safe[:, 0], safe[:, 1]] + self.distance_weight * near
+        usable = inside & valid[safe[:, 0], safe[:, 1]] & jnp.isfinite(value)
         worth, best = jax.lax.top_k(jnp.where(usable, -value, -jnp.inf), self.count)
         return Proposal(xy[best], jnp.isfinite(worth), -worth)
 

@@ -90,7 +90,7 @@ def simulate_all(
     for first in range(0, max(count, 1), group):
         lanes = order[first : first + group]
         part = _take((surveys, walked), lanes)
-        planned = plan(*part)
+        planned = plan(part[1])
         time = planned.reference.time[np.arange(len(lanes)), planned.last]
         ticks = np.int32(np.ceil(time.max(initial=0.0) / navigator.settings.pace.tick) + 1)
         parts.append(run(part[0].site.terrain, planned, goal[lanes], common=(ticks,)))

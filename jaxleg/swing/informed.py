@@ -16,7 +16,7 @@ from jaxleg.swing.contact import skin
 from jaxleg.swing.cycloid import cycloid_share
 from jaxleg.swing.localmap import LocalMap
 from jaxleg.swing.machine import Machine, Mode, Sensed, State, Step, begin, segment, transition
-from jaxleg.swing.planner import Planner, plan, predicted
+from jaxleg.swing.planner import RoutePlanner, plan, predicted
 from jaxleg.swing.profile import Profile
 from jaxleg.swing.route import Route, follow, route_length
 from jaxleg.swing.status import status_on_map
@@ -40,7 +40,7 @@ class Course(NamedTuple):
     informed: Informed
 
 
-def informed_swing(machine: Machine, planner: Planner, step: Step, profile: Profile, local: LocalMap) -> Informed:
+def informed_swing(machine: Machine, planner: RoutePlanner, step: Step, profile: Profile, local: LocalMap) -> Informed:
     """Swing over a terrain with a map of it, which may be wrong."""
     return jax.lax.while_loop(
         lambda carry: carry.state.mode < Mode.SUPPORTED,
@@ -49,7 +49,7 @@ def informed_swing(machine: Machine, planner: Planner, step: Step, profile: Prof
     ).informed
 
 
-def informed_swings(machine: Machine, planner: Planner, step: Step, profiles: Profile, local: LocalMap) -> Informed:
+def informed_swings(machine: Machine, planner: RoutePlanner, step: Step, profiles: Profile, local: LocalMap) -> Informed:
     """`informed_swing` of one machine, planner and step over many profiles and their maps (a leading axis)."""
     return over_queue(
         lambda item: begin_informed(machine, planner, step, item[1]),
@@ -60,7 +60,7 @@ def informed_swings(machine: Machine, planner: Planner, step: Step, profiles: Pr
     ).informed
 
 
-def begin_informed(machine: Machine, planner: Planner, step: Step, local: LocalMap) -> Course:
+def begin_informed(machine: Machine, planner: RoutePlanner, step: Step, local: LocalMap) -> Course:
     """An informed swing before its first segment, its first route planned."""
     step = lifted(step)
     yes, zero = jnp.array(True), jnp.zeros((), jnp.int32)
@@ -72,7 +72,7 @@ def begin_informed(machine: Machine, planner: Planner, step: Step, local: LocalM
     return Course(state, local, route, informed)
 
 
-def informed_segment(machine: Machine, planner: Planner, step: Step, profile: Profile, carry: Course) -> Course:
+def informed_segment(machine: Machine, planner: RoutePlanner, step: Step, profile: Profile, carry: Course) -> Course:
     """One segment or route of a `lifted` step, the transition at its end, and a new route where cases 3 and 4 ask for one."""
     state, local, route, informed = carry
     sensed, length, time, lost, struck = _run(machine, step, profile, state, route)

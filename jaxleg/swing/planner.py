@@ -13,7 +13,7 @@ from jaxleg.swing.routing import WINDOW, View, field_as_printed, field_repaired,
 
 
 @pytree
-class Planner:
+class RoutePlanner:
     """Parameters of the informed planner: B's Table I, and what its repairs need. Lengths in the unit of the map."""
 
     clearance: Float[Array, "*batch"]  # d0; at most `WINDOW` points of the map
@@ -30,43 +30,43 @@ class Planner:
     route: Callable[[View], Route] = static()
 
 
-def as_printed(**changes: float) -> Planner:
+def as_printed(**changes: float) -> RoutePlanner:
     """The potential field with the numbers of B's Table I."""
     return _planner(field_as_printed, dict(preset_end=0.5, ramp=1.0, reach=0.0, margin=0.0, gentle=1.0), changes)
 
 
-def repaired(**changes: float) -> Planner:
+def repaired(**changes: float) -> RoutePlanner:
     """The field without its local minima."""
     return _planner(field_repaired, {}, changes)
 
 
-def shortest(**changes: float) -> Planner:
+def shortest(**changes: float) -> RoutePlanner:
     """The taut string for a map that is right: the shortest safe way."""
     return _planner(taut_string, {}, changes)
 
 
-def cautious(**changes: float) -> Planner:
+def cautious(**changes: float) -> RoutePlanner:
     """The taut string for a map in doubt: wide of the ground, and on to gentle landings (found by search, `tune_swing`)."""
     numbers = dict(clearance=0.48, half_width=0.25, ramp=2.85, reach=0.77, gentle=0.33, press=0.1)
     return _planner(taut_string, numbers, changes)
 
 
-def _planner(route, kind, changes) -> Planner:
+def _planner(route, kind, changes) -> RoutePlanner:
     numbers = dict(clearance=0.05, preset=0.5, preset_end=1.5, half_width=0.5, ramp=2.0, attraction=10.0, repulsion=1000.0)
     numbers |= dict(reach=1.0, margin=0.1, gentle=0.8, press=0.02) | kind | changes
     check_positive("planner", numbers, ("clearance", "preset", "half_width", "ramp", "attraction", "repulsion", "gentle"))
-    return Planner(**{k: jnp.asarray(v, float) for k, v in numbers.items()}, route=route)
+    return RoutePlanner(**{k: jnp.asarray(v, float) for k, v in numbers.items()}, route=route)
 
 
 def plan(
-    machine: Machine, planner: Planner, step: Step, local: LocalMap, begin: Float[Array, "2"], preset: Bool[Array, ""]
+    machine: Machine, planner: RoutePlanner, step: Step, local: LocalMap, begin: Float[Array, "2"], preset: Bool[Array, ""]
 ) -> Route:
     """Route over a map from a point to a landing in En, the preset obstacle (13) in the way or not."""
     return planner.route(view(machine, planner, step, local, begin, preset))
 
 
 def view(
-    machine: Machine, planner: Planner, step: Step, local: LocalMap, begin: Float[Array, "2"], preset: Bool[Array, ""]
+    machine: Machine, planner: RoutePlanner, step: Step, local: LocalMap, begin: Float[Array, "2"], preset: Bool[Array, ""]
 ) -> View:
     """What a planner sees of a map from a point."""
     x = points(local)
@@ -93,7 +93,7 @@ def _landing_cost(machine, planner, step, local):
     return jnp.where(inside & between & (slope < machine.dominance), steep, jnp.inf)
 
 
-def predicted(machine: Machine, planner: Planner, local: LocalMap, case: Int[Array, ""], at: Sensed) -> LocalMap:
+def predicted(machine: Machine, planner: RoutePlanner, local: LocalMap, case: Int[Array, ""], at: Sensed) -> LocalMap:
     """The map after a collision: raised to what was felt, with the predicted obstacle of case 3 (14) or 4 (16) joined in."""
     raised = with_felt_error(local, at.point, jnp.maximum(planner.reach, 1e-6))
     ramp = jnp.where(at.slope > 0.0, planner.ramp, -planner.ramp)

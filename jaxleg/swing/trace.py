@@ -13,7 +13,7 @@ from jaxleg.swing.blind import lifted
 from jaxleg.swing.informed import begin_informed, informed_segment
 from jaxleg.swing.localmap import LocalMap
 from jaxleg.swing.machine import Machine, Mode, Step, begin, segment
-from jaxleg.swing.planner import Planner
+from jaxleg.swing.planner import RoutePlanner
 from jaxleg.swing.profile import Profile
 from jaxleg.swing.replay import course_of, moved_on
 from jaxleg.swing.route import corners_to, follow
@@ -51,7 +51,7 @@ def _blind(machine: Machine, step: Step, profile: Profile, segments: int):
 
 
 def informed_trace(
-    machine: Machine, planner: Planner, step: Step, profile: Profile, local: LocalMap, segments: int = 24
+    machine: Machine, planner: RoutePlanner, step: Step, profile: Profile, local: LocalMap, segments: int = 24
 ) -> Trace:
     """The path of an informed swing with what it believed of the ground, up to so many segments."""
     return _kept(*_informed(machine, planner, step, profile, local, segments))

@@ -102,7 +102,7 @@ def nearest_height(terrain: HeightMap, xy: Float[Array, "2"]) -> Float[Array, ""
     size = jnp.array(terrain.elevation.shape, jnp.int32)
     cell = jnp.round((xy - terrain.origin) / terrain.resolution).astype(jnp.int32)
     cell = jnp.clip(cell, 0, size - 1)
-    return terrain.elevation[cell[0], cell[1]]
+    return jnp.asarray(terrain.elevation)[cell[0], cell[1]]  # NumPy's, closed over, could not be indexed by a tracer
 
 
 FAR = 2**20  # cells, beyond any map; sums of a few do not overflow

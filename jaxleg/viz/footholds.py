@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
 
 from jaxleg.conventions import LEG_SIDE, LEGS, RING
-from jaxleg.foothold.cascade import Footholds, FootholdStatus
+from jaxleg.foothold.contract import Footholds, FootholdStatus
 from jaxleg.foothold.rectangle import SearchRectangle, best_first, candidates, cells_around, extent_of, feasible_score
 from jaxleg.terrain.heightmap import nearest_cell
 from jaxleg.terrain.site import Site

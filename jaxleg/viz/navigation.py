@@ -16,7 +16,7 @@ from jaxleg.conventions import LEGS, RING
 from jaxleg.gait.order import STEP_LEGS
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.viz.style import BLACK, BLUE, GREEN, GREY, LEG_COLOUR, ORANGE, PURPLE, WIDTH, blank, label, legend_below, save
-from jaxleg.walk.feasible import Stance
+from jaxleg.walk.feasible import Standing
 from jaxleg.walk.navigation import Walked
 
 EARTH = LinearSegmentedColormap.from_list("earth", ["#7d7a55", "#f7f5e6"]).with_extremes(bad=GREY)
@@ -56,7 +56,7 @@ class Look(NamedTuple):
     """A series of gaits that was searched looking so many steps ahead."""
 
     ahead: int  # [steps]
-    states: Stance  # NumPy arrays (stance, ...): before each step and at the end
+    states: Standing  # NumPy arrays (stance, ...): before each step and at the end
     stuck: bool
 
 

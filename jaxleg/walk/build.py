@@ -90,10 +90,8 @@ def _poses(planner, robot, terrain, stations, choices, feet):
     each = 2 if planner.shared else 1
     first = np.arange(0, steps, each)
     adjust = _adjustments(planner, choices)[first]
-    leg, yaw = (
-        jnp.asarray([STEP_LEGS[s % 4] for s in first]),
-        stations.yaw[jnp.minimum(first // 2 + 1, stations.yaw.shape[0] - 1)],
-    )
+    leg = jnp.asarray([STEP_LEGS[s % 4] for s in first])
+    yaw = stations.yaw[np.minimum(first // 2 + 1, stations.yaw.shape[0] - 1)]
     swing = jax.vmap(posture.swing, in_axes=(None, None, 0, 0, 0, 0, 0))
     poses = jnp.repeat(swing(robot, gait, feet[first], feet[first + each], leg, adjust, yaw), each, axis=0)
     if planner.standing:
@@ -127,13 +125,11 @@ def _in_mid_gait(planner, robot, terrain, stations, offset, feet):
 def _moves(planner, robot, site, shape: Layout, course: _Course) -> Moves:
     """What moves in each phase; beyond the last step everything stands."""
     step, count = jnp.asarray(shape.step, jnp.int32), course.count
-    last = course.feet.shape[0] - 1
-    before = course.feet[jnp.minimum(jnp.minimum(step, count), last)]
-    after = course.feet[jnp.minimum(jnp.minimum(step + 1, count), last)]
+    before, after = course.feet[jnp.minimum(step, count)], course.feet[jnp.minimum(step + 1, count)]
     shifts = jnp.asarray(shape.leg == SHIFT)
 
     def pose(index):
-        return course.poses[jnp.where(index <= count, jnp.minimum(index, last), last + 1)]
+        return course.poses[jnp.where(index <= count, index, course.poses.shape[0] - 1)]  # beyond: the end's
 
     trunk_to = pose(step + 1)
     trunk_from = jnp.where(shifts[:, None], pose(step), trunk_to)
@@ -175,13 +171,17 @@ def _lowered(planner, robot, shape: Layout, moves: Moves, poses):
     if lowering == "walk":
         down = down + jnp.max(by_phase)
     else:
-        start = np.where(shape.leg == SHIFT, shape.step, shape.step + 1)
-        down = down.at[start].max(by_phase).at[shape.step + 1].max(by_phase)
+        down = down.at[_pose_before(shape)].max(by_phase).at[shape.step + 1].max(by_phase)
     return _down(shape, moves, poses, down)
 
 
+def _pose_before(shape: Layout) -> np.ndarray:
+    """Index of the pose that each phase begins in; all end in that of their step."""
+    return np.where(shape.leg == SHIFT, shape.step, shape.step + 1)
+
+
 def _down(shape: Layout, moves: Moves, poses, down):
-    start = np.where(shape.leg == SHIFT, shape.step, shape.step + 1)
+    start = _pose_before(shape)
     lower = jnp.zeros((1, 6), poses.dtype).at[0, 2].set(-1.0)
     trunk_from = moves.trunk_from + down[start][:, None] * lower
     trunk_to = moves.trunk_to + down[shape.step + 1][:, None] * lower

@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jaxleg.foothold.cascade import FootholdStatus
-from jaxleg.foothold.ranked import Proposal
+from jaxleg.foothold.contract import Footholds, FootholdStatus, Proposal
 from jaxleg.gait.nominal import nominal_foothold, nominal_stances
 from jaxleg.gait.order import STEP_LEGS
 from jaxleg.gait.timing import shift_time
@@ -21,13 +20,18 @@ from jaxleg.status import Status
 from jaxleg.terrain.ground import on_ground
 from jaxleg.terrain.site import Site
 from jaxleg.walk.choices import Choices
-from jaxleg.walk.feasible import Stance, feasible, holding_power
+from jaxleg.walk.feasible import Standing, feasible, holding_power
 
 LEGS_OF = np.array(STEP_LEGS)
 
 
 def choose(planner: Planner, robot: Robot, site: Site, stations: Stations, steps: int) -> tuple[Choices, Series | None]:
-    """The choices of a walk of at most so many steps (a multiple of four), and how a tree search found them."""
+    """The choices of a walk of at most so many steps, and how a tree search found them.
+
+    Raises ValueError for steps that are no whole cycles.
+    """
+    if steps % len(STEP_LEGS):
+        raise ValueError(f"steps is {steps}, but must be a multiple of {len(STEP_LEGS)}: whole cycles")
     planner, robot, site, stations = jax.lax.stop_gradient((planner, robot, site, stations))
     if isinstance(planner.series, Greedy):
         return greedy(planner, robot, site, stations, steps), None
@@ -80,7 +84,7 @@ def chosen(planner: Planner, stations: Stations, found: Series, first: Int[Array
     return Choices(offset, how, adjust, found.step, status.astype(jnp.int32))
 
 
-def first_stance(planner: Planner, robot: Robot, site: Site, stations: Stations):
+def first_stance(planner: Planner, robot: Robot, site: Site, stations: Stations) -> tuple[Standing, Footholds]:
     """The stance that the walk begins in, each foot on its best cell, and how the feet were found.
 
     The right feet stand at the first station, the left ones at the second: they swing last.
@@ -88,21 +92,21 @@ def first_stance(planner: Planner, robot: Robot, site: Site, stations: Stations)
     nominal, _ = nominal_stances(planner.gait, stations, 1)
     found = planner.foothold.stance(robot, planner.gait, site, nominal[0], stations.yaw[0])
     feet = on_ground(robot, site.terrain, nominal[0] + found.offset)
-    return Stance(feet, planner.posture.stand(robot, planner.gait, feet, stations.yaw[0])), found
+    return Standing(feet, planner.posture.stand(robot, planner.gait, feet, stations.yaw[0])), found
 
 
 def step_nodes(planner: Planner, robot: Robot, site: Site, stations: Stations) -> Nodes:
     """The tree of paper C's search: stances of the steps along the stations."""
     legs, series = jnp.array(STEP_LEGS), planner.tree
 
-    def expand(stance: Stance, step):
+    def expand(stance: Standing, step):
         leg, station = legs[step % 4], step // 2 + 2
         nominal = jax.vmap(lambda leg: nominal_foothold(planner.gait, stations, station, leg))(jnp.arange(4))
         yaw = stations.yaw[jnp.minimum(station, stations.yaw.shape[0] - 1)]
         seen = planner.foothold.propose(robot, planner.gait, site, nominal, yaw, leg)
         return seen, _order(planner, robot, site, stance, leg, seen, stations.yaw[_heading(stations, step)])
 
-    def attempt(stance: Stance, seen: Proposal, step, candidate):
+    def attempt(stance: Standing, seen: Proposal, step, candidate):
         """Whether one candidate can be stepped to and the stance there, or why not and which others that rules out."""
         leg, foothold = legs[step % 4], candidate // series.counts.poses
         target = on_ground(robot, site.terrain, seen.xy[foothold])
@@ -115,7 +119,7 @@ def step_nodes(planner: Planner, robot: Robot, site: Site, stations: Stations) -
         gone = pruned(candidate, cause, series.counts)
         if not series.prune:
             gone = gone & (cause == Status.NO_FOOTHOLD)
-        return Tried(cause == Status.OK, Stance(feet, pose), gone, cause)
+        return Tried(cause == Status.OK, Standing(feet, pose), gone, cause)
 
     return Nodes(expand, attempt)
 
@@ -125,7 +129,7 @@ def _heading(stations: Stations, step):
     return jnp.minimum(step // 2 + 1, stations.yaw.shape[0] - 1)
 
 
-def _order(planner: Planner, robot: Robot, site: Site, stance: Stance, leg, seen: Proposal, yaw) -> Int[Array, "candidate"]:
+def _order(planner: Planner, robot: Robot, site: Site, stance: Standing, leg, seen: Proposal, yaw) -> Int[Array, "candidate"]:
     """Candidates in the order of trial: paper C's (28), or by cost of the foothold plus energy of the step.
 
     The energy is the power of holding the pose for as long as the shift to it and the swing take: a better pose must be worth

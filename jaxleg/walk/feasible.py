@@ -28,7 +28,7 @@ SHIFT_SHARES = (0.2, 0.4, 0.6, 0.8)  # Table 2: five equal parts of the shift, t
 BOX = ((0.0, 0.0), (0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.0))  # Table 1: (part of the way, part of the height)
 
 
-class Stance(NamedTuple):
+class Standing(NamedTuple):
     """Where the feet stand, and the trunk pose in which the last one swung."""
 
     feet: Float[Array, "leg 3"]  # centres in W [m]
@@ -56,7 +56,7 @@ def key_pose(robot: Robot, limits: Limits, ground: Obstacles, pose, feet, loaded
 
 
 def feasible(
-    robot: Robot, planner: Planner, ground: Obstacles, stance: Stance, leg: Int[Array, ""], target: Float[Array, "3"], pose
+    robot: Robot, planner: Planner, ground: Obstacles, stance: Standing, leg: Int[Array, ""], target: Float[Array, "3"], pose
 ) -> Int[Array, ""]:
     """Why a step from a stance cannot be made (`Status`, OK if it can): key poses of the shift to `pose`, key points of the
     swing to `target` in it, and what the motors must hold with the leg in the air. Paper C, 3.2."""
@@ -114,7 +114,7 @@ def check_steps(planner: Planner, robot: Robot, ground: Obstacles, walk: Walk) -
     step = np.arange(walk.steps)
     leg = jnp.asarray([STEP_LEGS[s % 4] for s in step])
     each = jax.vmap(
-        lambda feet, pose, leg, after, to: feasible(robot, planner, ground, Stance(feet, pose), leg, after[leg], to)
+        lambda feet, pose, leg, after, to: feasible(robot, planner, ground, Standing(feet, pose), leg, after[leg], to)
     )
     seen = each(walk.feet[step], walk.poses[step], leg, walk.feet[step + 1], walk.poses[step + 1])
     return jnp.where(jnp.asarray(step, jnp.int32) < walk.count, seen, Status.OK).astype(jnp.int32)

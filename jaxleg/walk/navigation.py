@@ -161,13 +161,13 @@ class Navigator:
         """Reference samples a shift and a swing."""
         return self.settings.pace.shift_samples, self.settings.pace.swing_samples
 
-    def planned(self, survey: Survey, walked: Walked) -> Planned:
-        """A walk's reference; standing where there is no walk."""
-        count = jnp.where(walked.status == Status.OK, walked.choices.count, 0)
-        made = build_walk(self.planner, self.robot, survey.site, walked.stations, walked.choices._replace(count=count))
+    def planned(self, walked: Walked) -> Planned:
+        """A walk's reference; where there is no walk to the goal only its first shift takes part."""
+        made = walked.walk
         time, at = instants(self.robot, made, self.samples)
         seen = checks(self.robot, made, at, made.used[phase_samples(self.samples, made.legs)[0]])
-        return Planned(to_reference(time, at), last_sample(made, self.samples), seen.knee_bend, seen.torque_ratio)
+        last = jnp.where(walked.status == Status.OK, last_sample(made, self.samples), self.samples[0])
+        return Planned(to_reference(time, at), last.astype(jnp.int32), seen.knee_bend, seen.torque_ratio)
 
 
 def make_navigator(

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.foothold.cascade import FootholdStatus, Reachable, choose, reachable_heights, soft_offset
+from jaxleg.foothold.cascade import Reachable, choose_stance, reachable_heights, soft_offset
+from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.foothold.rectangle import Extent, SearchRectangle, extent_of, feasible_score
 from jaxleg.leg.kinematics import Reach, knee_bend, leg_angles
 from jaxleg.terrain import HeightMap
@@ -33,7 +34,7 @@ def site(valid, elevation=None):
 
 
 def one(nominal, ground, box, reachable=ANYWHERE, extent=EXTENT):
-    return choose(nominal, ground.valid, ground.terrain, box, reachable, extent)
+    return choose_stance(nominal, ground.valid, ground.terrain, box, reachable, extent)
 
 
 chosen = jax.jit(one, static_argnames="extent")

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from experiments import footholds as experiment
 from jaxleg.conventions import InputError
-from jaxleg.foothold.cascade import Footholds, FootholdStatus, Reachable
+from jaxleg.foothold.cascade import Reachable
+from jaxleg.foothold.contract import Footholds, FootholdStatus
 from jaxleg.foothold.rectangle import SearchRectangle
 from jaxleg.search.config import Rectangle
 from jaxleg.terrain import Grid, HeightMap

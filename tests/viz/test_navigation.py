@@ -15,7 +15,7 @@ from jaxleg.robot import load_robot
 from jaxleg.terrain import HeightMap
 from jaxleg.viz.animation import Stage, animate, film
 from jaxleg.viz.navigation import Look, Trail, Trials, draw_dead_end, draw_success, draw_walk, wilson
-from jaxleg.walk.feasible import Stance
+from jaxleg.walk.feasible import Standing
 
 ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
 STANCE = np.array([[0.3, 0.2], [0.3, -0.2], [-0.3, 0.2], [-0.3, -0.2]])
@@ -49,7 +49,7 @@ def hill(unseen: bool = False) -> HeightMap:
     return HeightMap(jnp.asarray(elevation), jnp.array([-0.95, -0.95]), jnp.array(0.1))
 
 
-def series(steps: int) -> Stance:
+def series(steps: int) -> Standing:
     """A walk along x that swings the legs in turn by 0.1 m."""
     feet, pose = [np.append(STANCE, np.zeros((4, 1)), axis=1)], np.zeros((steps + 1, 6))
     for k in range(steps):
@@ -57,7 +57,7 @@ def series(steps: int) -> Stance:
         moved[STEP_LEGS[k % 4], 0] += 0.1
         feet.append(moved)
     pose[:, 0] = 0.025 * np.arange(steps + 1)
-    return Stance(np.array(feet), pose)
+    return Standing(np.array(feet), pose)
 
 
 def lines(ax) -> list[np.ndarray]:

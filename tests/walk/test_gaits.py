@@ -17,7 +17,7 @@ from jaxleg.terrain.ground import on_ground
 from jaxleg.terrain.site import Site
 from jaxleg.walk.choose import step_nodes
 from jaxleg.walk.config import Navigation
-from jaxleg.walk.feasible import Stance, feasible, holding_power
+from jaxleg.walk.feasible import Standing, feasible, holding_power
 from jaxleg.walk.navigation import make_navigator
 from tests.crawls import gait
 
@@ -47,7 +47,7 @@ def cause(navigator, pegasus):
         feet, plan, yaw = jnp.asarray(FEET), navigator.planner, jnp.array(0.0)
         start = plan.posture.stand(pegasus, plan.gait, feet, yaw)
         pose = plan.posture.swing(pegasus, plan.gait, feet, feet.at[LEG].set(target), jnp.array(LEG), adjust, yaw) + moved
-        return feasible(pegasus, plan, ground, Stance(feet, start), jnp.array(LEG), target, pose)
+        return feasible(pegasus, plan, ground, Standing(feet, start), jnp.array(LEG), target, pose)
 
     def ask(elevation=LEVEL, target=TARGET, adjust=(0.0, 0.0, 0.0), moved=STILL):
         return Status(int(run(*(jnp.asarray(x) for x in (elevation, target, adjust, moved)))))
@@ -75,6 +75,24 @@ def test_what_makes_a_step_impossible(cause):
     assert cause(elevation=wall(0.0, 0.0, 0.06, 0.6)) == Status.COLLISION
     unseen = np.zeros(SHAPE)
     assert cause(elevation=unseen, target=np.full(3, np.nan)) == Status.NOT_FINITE
+
+
+def test_weak_motors_and_a_foot_that_would_have_to_pull_are_causes(navigator, pegasus):
+    """Motors that could hold a tenth; a trunk beyond its feet, with no margin asked for."""
+    plan = dataclasses.replace(navigator.planner, limits=dataclasses.replace(navigator.planner.limits, margin=jnp.array(-1.0)))
+    feet, yaw, leg = jnp.asarray(FEET), jnp.array(0.0), jnp.array(LEG)
+
+    @jax.jit
+    def why(robot, aside):
+        ground = navigator.obstacles(terrain_of(LEVEL))
+        start = plan.posture.stand(robot, plan.gait, feet, yaw)
+        after = feet.at[LEG].set(TARGET)
+        pose = plan.posture.swing(robot, plan.gait, feet, after, leg, jnp.zeros(3), yaw).at[1].add(aside)
+        return feasible(robot, plan, ground, Standing(feet, start), leg, jnp.asarray(TARGET), pose)
+
+    assert why(pegasus, 0.0) == Status.OK
+    assert why(dataclasses.replace(pegasus, torque_limit=0.1 * pegasus.torque_limit), 0.0) == Status.TORQUE
+    assert why(dataclasses.replace(pegasus, torque_limit=9.0 * pegasus.torque_limit), -0.15) == Status.LOAD
 
 
 def test_a_wall_that_nothing_comes_near_does_not_matter(cause):
@@ -164,7 +182,7 @@ def test_the_order_by_energy_is_of_foothold_cost_plus_weighed_energy(navigator, 
     @jax.jit
     def run(away):
         start = plan.posture.stand(pegasus, plan.gait, feet, jnp.array(0.0))
-        seen, order = step_nodes(plan, pegasus, site, stations).expand(Stance(feet, start), jnp.array(0))
+        seen, order = step_nodes(plan, pegasus, site, stations).expand(Standing(feet, start), jnp.array(0))
         landed = feet.at[LEG].set(on_ground(pegasus, site.terrain, seen.xy[0]))
 
         def energy(away):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from jaxleg.foothold.cascade import FootholdStatus
+from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.status import Status
 from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import instants, to_reference
