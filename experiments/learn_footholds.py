@@ -26,7 +26,7 @@ from experiments.common import setup, write
 from jaxleg.batch import over_lanes
 from jaxleg.foothold.learned import differences, learn, leg_weights, listwise_loss, pairwise_accuracy
 from jaxleg.gait.order import PHASES, SWING_LEG
-from jaxleg.gait.phases import Phases
+from jaxleg.gait.phases import Phases, no_flights
 from jaxleg.leg.energy import electrical
 from jaxleg.search.config import baseline
 from jaxleg.search.lanes import Lab, to_params
@@ -120,7 +120,8 @@ def stand(lab: Lab, vector: np.ndarray, patch: jax.Array, leg: int) -> tuple[jax
     poses = poses.at[:, 2].set(jnp.mean(feet[:, 2]) + HEIGHT - jnp.mean(lab.robot.hip_position[:, 2]))
     time, none = jnp.full(PHASES, STEP_TIME, feet.dtype), jnp.zeros((PHASES, 4), feet.dtype)
     there = jnp.broadcast_to(feet, (PHASES, 4, 3))
-    phases = Phases(jnp.cumsum(time) - time, time, poses[:-1], poses[1:], there, there, none, none)
+    still = no_flights(PHASES, feet.dtype)
+    phases = Phases(jnp.cumsum(time) - time, time, poses[:-1], poses[1:], there, there, still, none)
     params = to_params(jnp.asarray(vector, feet.dtype))
     shares = params.lift_share, jnp.asarray(lab.load_share, feet.dtype)
     track = to_reference(*phase_instants(lab.robot, phases, SWING_LEG, *shares, (SAMPLES, SAMPLES)))

@@ -16,6 +16,7 @@ import optax
 import tyro
 
 from experiments.common import setup, write
+from experiments.felt_walks import feel_the_way, single_steps, taut_string
 from experiments.walk_maps import GRID as MAP
 from experiments.walk_maps import world
 from jaxleg.batch import layout, over_lanes
@@ -46,7 +47,7 @@ from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import reference
 from jaxleg.walk.site import site_of
 
-GRID, START, GOAL = Grid(100, 50, 0.04, (0.02, 0.02)), (0.8, 1.0), (3.2, 1.1)
+GRID, START, GOAL, NEAR = Grid(100, 50, 0.04, (0.02, 0.02)), (0.8, 1.0), (3.2, 1.1), (2.3, 1.05)
 GAIT = Gait(hip_height=0.46)
 MOVED = (
     *(f"gait.{name}" for name in ("step_length", "stance_length", "stance_width", "skew", "foot_offset", "hip_height")),
@@ -81,6 +82,8 @@ def main(out: Path | None = None, quick: bool = False, parts: tuple[str, ...] = 
         "headings": lambda: doubled(headings),
         "a_on_curves": lambda: a_on_curves(*setup(), 8 if quick else 64),
         "c_energy_search": lambda: c_energy_search(*setup(), *((6, 4, 3) if quick else (64, 32, 16))),
+        "feeling": lambda: felt(*setup(), *((8, 2) if quick else (64, 16))),
+        "taut_string": lambda: taut(*setup(), *((6, 16) if quick else (72, 256))),
         "c_gradients": lambda: doubled(lambda study, lab: c_gradients(lab, small(study, lab), 4 if quick else 32)),
     }
     write("one_planner", out, {name: rows[name]() for name in parts or rows} | {"quick": quick})
@@ -216,8 +219,7 @@ def compared(lab: Lab, navigator: Navigator, numbers: np.ndarray, held: int) -> 
     """Energy of the walks with hand-set and with moved numbers on maps that no search has seen; pairs that both walk."""
     maps = some_maps(2 * held, 0.5)
     maps = jax.tree.map(lambda x: x[held:], maps)
-    ends = [np.tile(np.asarray(xy, np.float32), (held, 1)) for xy in (START, GOAL)]
-    surveys, energy, walked = survey_all(navigator, maps), [], []
+    ends, surveys, energy, walked = ends_on(maps), survey_all(navigator, maps), [], []
     for planner in (navigator.planner, with_leaves(navigator.planner, tuple(POSTURE), jnp.asarray(numbers))):
         other = dataclasses.replace(navigator, planner=planner)
         made, _ = navigate(other, surveys, *ends)
@@ -231,6 +233,25 @@ def compared(lab: Lab, navigator: Navigator, numbers: np.ndarray, held: int) -> 
     return {"saving": saved, "maps": held, "walked": [int(w.sum()) for w in walked]}
 
 
+def felt(study: Study, lab: Lab, count: int, twice: int) -> dict[str, Any]:
+    """Walks on cuboids and fractal ground, difficulty up to 0.5, with maps that are wrong; `count` of them."""
+    maps = some_maps(count + count // 4, 0.5)
+    return feel_the_way(lab, small(study, lab), maps, ends_on(maps, NEAR), GRID, count, twice)
+
+
+def taut(study: Study, lab: Lab, count: int, swings: int) -> dict[str, Any]:
+    """Walks over single steps."""
+    maps = single_steps(count, GRID)
+    return taut_string(lab, small(study, lab), maps, ends_on(maps, NEAR), swings)
+
+
+def ends_on(maps: HeightMap, goal: tuple[float, float] = GOAL) -> tuple[np.ndarray, np.ndarray]:
+    """Start and goal on each map [m]."""
+    count = len(maps.elevation)
+    start, end = (np.tile(np.asarray(xy, np.float32), (count, 1)) for xy in (START, goal))
+    return start, end
+
+
 def planned(navigator: Navigator, maps: HeightMap) -> tuple[Walks, np.ndarray]:
     """Walks over maps, and which maps have one."""
 
@@ -238,9 +259,7 @@ def planned(navigator: Navigator, maps: HeightMap) -> tuple[Walks, np.ndarray]:
         found = navigator.walk(survey, start, goal, jnp.zeros(survey.site.valid.shape, bool))
         return Walks(survey.site, navigator.line(survey.site.terrain, found.path), found.choices), found.status
 
-    count = len(maps.elevation)
-    ends = (np.broadcast_to(np.asarray(xy), (count, 2)) for xy in (START, GOAL))
-    walks, status = over_lanes(lane, *layout(count, 8))(survey_all(navigator, maps), *ends)
+    walks, status = over_lanes(lane, *layout(len(maps.elevation), 8))(survey_all(navigator, maps), *ends_on(maps))
     return walks, status == Status.OK
 
 

@@ -20,22 +20,24 @@ import tyro
 
 from experiments.blind_swing import interval
 from experiments.common import setup, write
+from experiments.felt_walks import DT, react
 from experiments.stairs import unseen
 from jaxleg.batch import over_lanes
-from jaxleg.control.swing_leg import Feeling, feeling
+from jaxleg.control.swing_leg import feeling
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.order import SHIFT, SWING_LEG
 from jaxleg.posture.collision import Sizes
 from jaxleg.search.config import Study, baseline
 from jaxleg.search.lanes import CYCLES, Lab, to_params
 from jaxleg.search.sites import footing_rule
-from jaxleg.sim.reactive import Tick, walk_reactively
-from jaxleg.swing.machine import Mode, extended
+from jaxleg.sim.reactive import Tick
+from jaxleg.swing.machine import Mode
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.site import Site
+from jaxleg.walk.data import Walk
 from jaxleg.walk.site import site_of
 
-RUNS, ERROR, DT = 64, 0.03, 0.0025
+RUNS, ERROR = 64, 0.03
 WINDOW = 0.05  # of the touch-down impulse [s]
 TOUCH = 5.0  # true normal force that counts as contact [N]
 SPARE = 1.8  # time given to a walk over its plan's
@@ -57,11 +59,11 @@ KINDS = {"stairs": tuple(CONTESTANTS), "rough": ("clocked", "reactive", "reactiv
 def main(out: Path | None = None, quick: bool = False) -> None:
     """Climb with all; `quick` takes 8 walks a kind."""
     study, lab = setup()
-    count, kinds = 8 if quick else RUNS, {}
+    count, kinds, climbers = 8 if quick else RUNS, {}, Climbers(study, lab)
     for kind, names in KINDS.items():
         rows = {}
         for name in names:
-            rows[name] = walk_all(study, lab, kind, count, CONTESTANTS[name])
+            rows[name] = climbers.walk(kind, count, **CONTESTANTS[name])
             show(kind, name, rows[name])
         saved = saving(rows["clocked"], rows["reactive"])
         for which, r in saved.items():
@@ -74,14 +76,28 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     write("reactive_climb", out, {"kinds": kinds, "map_error_m": ERROR})
 
 
-def walk_all(study: Study, lab: Lab, kind: str, count: int, told: dict[str, Any]) -> dict[str, Any]:
-    """One contestant's row on a kind of terrain: every terrain with a map that is too high and with one that is too low."""
-    vector = baseline(study, kind, "traditional").astype(np.float32)
-    lanes = unseen(study, lab, kind, count // 2)
-    lanes, signs = lanes.take(np.repeat(np.arange(lanes.number), 2)), np.tile([1.0, -1.0], lanes.number)
-    believed = wrong_maps(study, lab, lanes.site.terrain, vector, told.get("error", ERROR) * signs)
-    feel = feeling(**{k: v for k, v in told.items() if k != "error"})
-    return row(climbs(lab, vector, lanes.site.terrain, believed, np.asarray(lanes.setting.least_bend), feel))
+class Climbers:
+    """All rows' walks: planned by one compiled program and walked by another, whoever climbs."""
+
+    def __init__(self, study: Study, lab: Lab) -> None:
+        self.study, self.lab = study, lab
+        self.vectors = {kind: baseline(study, kind, "traditional").astype(np.float32) for kind in KINDS}
+        span = max(float(to_params(jnp.asarray(vector)).step_length) for vector in self.vectors.values())
+        self.walks = over_lanes(functools.partial(_planned, lab), lab.chunk)
+        self.run = react(lab, round(SPARE * CYCLES * span / lab.speed / DT), lab.chunk * jax.local_device_count())
+
+    def walk(self, kind: str, count: int, error: float = ERROR, **told: Any) -> dict[str, Any]:
+        """One contestant's row on a kind of terrain: every terrain with a map that is too high and with one too low."""
+        lanes = unseen(self.study, self.lab, kind, count // 2)
+        lanes, signs = lanes.take(np.repeat(np.arange(lanes.number), 2)), np.tile([1.0, -1.0], lanes.number)
+        believed = wrong_maps(self.study, self.lab, lanes.site.terrain, self.vectors[kind], error * signs)
+        vectors = np.tile(self.vectors[kind], (lanes.number, 1))
+        walks = self.walks(vectors, believed, np.asarray(lanes.setting.least_bend))
+        return row(self.run(feeling(self.lab.robot, **told), lanes.site.terrain, walks))
+
+
+def _planned(lab: Lab, vector, believed: Site, bend) -> Walk:
+    return lab.walk(to_params(vector), believed, lab.choose(vector, believed, bend), bend)
 
 
 def saving(clocked: dict[str, Any], reactive: dict[str, Any]) -> dict[str, Any]:
@@ -107,22 +123,6 @@ def wrong_maps(study: Study, lab: Lab, terrain: HeightMap, vector: np.ndarray, o
         return site_of(footing_rule(study.terrains), sizes, study.terrains.resolution, believed)
 
     return wrong(terrain, jnp.asarray(offsets))
-
-
-def climbs(lab: Lab, vector: np.ndarray, terrain: HeightMap, believed: Site, bend: np.ndarray, feel: Feeling) -> Tick:
-    """Walk on all terrains (leading axis)."""
-    lab.engine  # noqa: B018  built outside of any tracing
-    span = CYCLES * float(to_params(jnp.asarray(vector)).step_length) / lab.speed
-    lane = functools.partial(_climb, lab, vector, feel, round(SPARE * span / DT))
-    return over_lanes(lane, min(lab.chunk, -(-len(bend) // jax.local_device_count())))(terrain, believed, bend)
-
-
-def _climb(lab: Lab, vector, feel: Feeling, ticks: int, terrain, believed: Site, bend) -> Tick:
-    vector = jnp.asarray(vector)
-    walk = lab.walk(to_params(vector), believed, lab.choose(vector, believed, bend, CYCLES), bend)
-    machine = extended(9, height_share=0.3, back=0.04, allowance=0.05, limit=8.0)
-    dt = jnp.asarray(DT, walk.footholds.dtype)
-    return walk_reactively(lab.engine, lab.robot, lab.ground, terrain, walk, machine, feel, dt, ticks)
 
 
 def row(tick: Tick) -> dict[str, Any]:

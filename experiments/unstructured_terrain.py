@@ -24,7 +24,7 @@ from jaxleg.route.path import BodyPath
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import navigate, navigator_of, survey_all
 from jaxleg.sim.follow import film
-from jaxleg.sim.referee_follow import follow_all
+from jaxleg.sim.referee_feedback import follow_all
 from jaxleg.status import Status
 from jaxleg.terrain import HeightMap
 from jaxleg.terrain.body_cost import body_features

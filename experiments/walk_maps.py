@@ -21,7 +21,7 @@ from jaxleg.search.config import Gait
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import MOST, Outcome, navigate, navigator_of, on_valid_cells, simulate_all, survey_all
 from jaxleg.series.tree import CAUSES
-from jaxleg.sim.referee_follow import follow_all
+from jaxleg.sim.referee_feedback import follow_all
 from jaxleg.status import Status
 from jaxleg.terrain import Grid, HeightMap, TerrainSettings, terrain
 from jaxleg.viz.navigation import Trials, draw_success

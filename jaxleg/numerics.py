@@ -49,6 +49,13 @@ def smoothstep(x: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
     return x * x * x * (10.0 + x * (-15.0 + 6.0 * x))
 
 
+def smooth_ramp(x: Float[ArrayLike, "*n"], width: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
+    """max(x, 0) with its corner rounded between -width and width: the integral of `smoothstep`, exact beyond."""
+    x = jnp.asarray(x)
+    share = jnp.clip(0.5 * (x / width + 1.0), 0.0, 1.0)
+    return jnp.maximum(x - width, 0.0) + 2.0 * width * share**4 * (2.5 + share * (share - 3.0))
+
+
 def add_exactly(total: Tree, lost: Tree, amount: Tree) -> tuple[Tree, Tree]:
     """Running sums and what rounding has added to them, with amounts more (Kahan 1965); the gradient is a plain sum's.
 

@@ -8,7 +8,8 @@
     posture     how does the trunk stand over the feet   Incentre (A), Plane (C)
     series      how far ahead is looked                  Greedy (A), Tree (C)
     timing      how long does a phase take               BySpeed (A), ByAcceleration (C)
-    swing       how does a foot fly                      Cycloid (A, C); the machine that feels (B) flies it in simulation
+    swing       how does a foot fly                      Cycloid (A, C), Taut string (B); the machine that feels (B) takes over
+                                                         from either in simulation
 
 Paper A is Straight x Cascade x Incentre x Greedy x BySpeed x Cycloid, paper C is Along x Ranked x Plane x Tree x ByAcceleration
 x Cycloid (`walk.presets`); paper B's machine takes the place of a planned swing in any walk. A Planner is a pytree: its numbers
@@ -30,6 +31,7 @@ from jaxleg.pytree import pytree, static
 from jaxleg.route.stations import Along, Straight
 from jaxleg.series.kinds import Greedy, Tree
 from jaxleg.swing.clearance import Cycloid
+from jaxleg.swing.taut import Taut
 
 
 @pytree
@@ -50,7 +52,7 @@ class Planner:
     posture: Incentre | Plane
     series: Greedy | Tree
     timing: BySpeed | ByAcceleration
-    swing: Cycloid
+    swing: Cycloid | Taut
     limits: Limits
     standing: bool = static(False)
 

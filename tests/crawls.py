@@ -60,15 +60,24 @@ SIZES = Sizes(0.02, 0.02, (0.8, 0.24, 0.15))
 
 def crawl(robot, params, options, terrain, offsets, status, sizes=SIZES):
     """Paper A's walk along +x from the nominal footholds plus offsets (x, y)."""
-    extent, (speed, bend, clearance, load_share, cog, threshold) = Extent((0, 0), 0), options
     cycles, dtype = offsets.shape[0] - 1, terrain.elevation.dtype
-    no_search = SearchRectangle(*(jnp.zeros((), dtype) for _ in range(5)))
-    planner = paper_a(params, no_search, extent, cog, speed, bend, clearance, load_share, threshold)
+    planner = planner_of(params, options, dtype)
     missing = jnp.where(jnp.any(status == FootholdStatus.NONE), Status.NO_FOOTHOLD, Status.OK).astype(jnp.int32)
     choices = no_choice(cycles, dtype)._replace(offset=offsets, found=status, status=missing)
-    site = Site(terrain, jnp.ones(terrain.elevation.shape, bool), robot_obstacles(sizes, terrain, 0.02))
     stations = planner.route.stations(planner.gait, None, 2 * cycles + 2)
-    return build_walk(planner, robot, site, stations, choices)
+    return build_walk(planner, robot, open_site(terrain, sizes), stations, choices)
+
+
+def planner_of(params, options, dtype=float):
+    """Paper A's, that searches no footholds."""
+    speed, bend, clearance, load_share, cog, threshold = options
+    no_search = SearchRectangle(*(jnp.zeros((), dtype) for _ in range(5)))
+    return paper_a(params, no_search, Extent((0, 0), 0), cog, speed, bend, clearance, load_share, threshold)
+
+
+def open_site(terrain, sizes=SIZES):
+    """A terrain on which a foot may stand everywhere."""
+    return Site(terrain, jnp.ones(terrain.elevation.shape, bool), robot_obstacles(sizes, terrain, 0.02))
 
 
 def way_points(walk):

@@ -10,7 +10,7 @@ import numpy as np
 
 from jaxleg.control.contract import Tracking
 from jaxleg.gait.order import SHIFT
-from jaxleg.gait.phases import Phases
+from jaxleg.gait.phases import Phases, no_flights
 from jaxleg.robot import Robot
 from jaxleg.robot.mjcf import robot_mjcf
 from jaxleg.terrain import HeightMap
@@ -52,7 +52,8 @@ def _planned(robot, terrain, seconds, samples):
     poses = first[None] + jnp.cumsum(jnp.asarray(np.stack([np.zeros(6), SHIFTED, MOVED_ON])), axis=0)
     swings, duration = jnp.asarray(np.eye(4)[SWINGS] * [[0.0], [1.0]]), jnp.asarray(seconds)
     feet_from, feet_to = jnp.stack([feet, feet]), jnp.stack([feet, landed])
-    phases = Phases(jnp.cumsum(duration) - duration, duration, poses[:2], poses[1:], feet_from, feet_to, APEX * swings, swings)
+    flight = no_flights(2, duration.dtype)._replace(apex=APEX * jnp.sum(swings, axis=1))
+    phases = Phases(jnp.cumsum(duration) - duration, duration, poses[:2], poses[1:], feet_from, feet_to, flight, swings)
     time, at = phase_instants(robot, phases, (SHIFT, SWINGS), jnp.asarray(LIFT_SHARE), jnp.asarray(LOAD_SHARE), samples)
     return time, at, to_reference(time, at)
 

@@ -17,25 +17,12 @@ class State(NamedTuple):
     v: Float[Array, "18"]
 
 
-class Terms(NamedTuple):
-    """Terms of M dv/dt + bias = forces in blocks: the trunk's six degrees of freedom (linear in W, angular in B), the legs'."""
-
-    trunk: Float[Array, "6 6"]
-    coupling: Float[Array, "leg 6 3"]
-    legs: Float[Array, "leg 3 3"]
-    trunk_bias: Float[Array, "6"]
-    leg_bias: Float[Array, "leg 3"]
-    foot: Float[Array, "leg 3"]  # foot centres in W [m]
-    foot_by_trunk: Float[Array, "leg 3 6"]  # Jacobians of the feet
-    foot_by_leg: Float[Array, "leg 3 3"]
-    com: Float[Array, "3"]  # centre of mass in W [m]
-
-
 class Reading(NamedTuple):
     """What is sensed when a tick begins."""
 
     state: State
-    terms: Terms  # of the robot's model at that state
+    foot: Float[Array, "leg 3"]  # centres of the feet in W [m]
+    foot_by_leg: Float[Array, "leg 3 joint"]  # Jacobian of each foot by its own joints, in W [m/rad]
 
 
 class Tracking(NamedTuple):
@@ -65,8 +52,8 @@ class Controller(abc.ABC, Generic[Memory, Row]):
         step would make reverse mode quadratic in the steps. The open loop has one, the others get None.
         """
 
-    def felt(self, memory: Memory, sensed: Reading, torque: Float[Array, "leg joint"], after: State) -> Memory:
-        """The memory after the tick: `torque` [N m] is what the motors applied from the sensed state to the one `after`."""
+    def felt(self, memory: Memory, torque: Float[Array, "leg joint"], after: State) -> Memory:
+        """The memory after the tick: `torque` [N m] is what the motors applied in it, `after` the state it ends in."""
         return memory
 
     def over(self, memory: Memory) -> Bool[Array, ""]:

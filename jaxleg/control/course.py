@@ -119,10 +119,10 @@ class Course(Controller[CourseMemory, None]):
 
     def command(self, memory: CourseMemory, sensed: Reading, row: None) -> tuple[Tracking, CourseMemory]:
         """The plan's command, corrected; after its last sample that one's pose, standing."""
-        (state, terms), under_way = sensed, memory.index < self.last
+        state, under_way = sensed.state, memory.index < self.last
         low, high = samples_at(self.rows, memory.index)
-        held = held_feet(memory.held, terms.foot, low.contact, self.dt)
-        posture = Posture(state.q[:3], state.q[3:7], held, terms.foot_by_leg)
+        held = held_feet(memory.held, sensed.foot, low.contact, self.dt)
+        posture = Posture(state.q[:3], state.q[3:7], held, sensed.foot_by_leg)
         now = command(low, high, self._clock(memory.ticks), self.dt, posture)
         now = now._replace(velocity=jnp.where(under_way, now.velocity, 0.0))
         ticks = memory.ticks + under_way.astype(jnp.int32)

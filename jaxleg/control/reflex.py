@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.control.contract import Controller, Reading, State, Tracking
-from jaxleg.control.sensing import felt_forces
-from jaxleg.control.swing_leg import Feeling, Swinging, bounded, feel_on, foot_at, set_out
+from jaxleg.control.sensing import Joints, at_rest, felt_forces, measured
+from jaxleg.control.swing_leg import Feeling, Swinging, bounded, feel_on, foot_at, set_out, tries_again
 from jaxleg.gait.order import SHIFT
 from jaxleg.numerics import matvec, smoothstep
 from jaxleg.pytree import pytree
@@ -31,7 +31,8 @@ class ReflexMemory(NamedTuple):
     held: Float[Array, "leg 3"]  # where the feet stand or last stood
     raised: Float[Array, "2"]  # trunk over its plan before and after the phase: the feet's own heights [m]
     swing: Swinging
-    felt: Float[Array, "leg 3"]  # low-passed estimate of the feet's forces in W [N]
+    joints: Joints  # what has been measured of them
+    force: Float[Array, "leg 3"]  # low-passed estimate of the feet's forces in W [N]
     contact: Bool[Array, ""]  # felt by the swinging leg in the last tick
 
 
@@ -51,9 +52,10 @@ class Reflex(Controller[ReflexMemory, None]):
         first, robot, walk = self.first, self.robot, self.walk
         zero = jnp.zeros((), walk.footholds.dtype)
         hip = first.pose[:3] + robot.hip_position[0]
-        swing = set_out(robot, self.feel, first.feet[0], walk.phases.feet_to[0, 0], hip, zero + 1.0)
-        raised, felt = jnp.zeros(2, zero.dtype), jnp.zeros((4, 3), zero.dtype)
-        return ReflexMemory(jnp.zeros((), jnp.int32), zero, first.feet, raised, swing, felt, jnp.array(False))
+        swing = set_out(robot, self.feel, first.feet[0], walk.phases.feet_to[0, 0], hip, zero + 1.0, jnp.zeros((), jnp.int32))
+        raised, force = jnp.zeros(2, zero.dtype), jnp.zeros((4, 3), zero.dtype)
+        joints = at_rest(first.angles, first.torque)
+        return ReflexMemory(jnp.zeros((), jnp.int32), zero, first.feet, raised, swing, joints, force, jnp.array(False))
 
     def command(self, memory: ReflexMemory, sensed: Reading, row: None) -> tuple[Tracking, ReflexMemory]:
         """The plan's instant, with the feet where they were felt and the foot under way where its machine has it."""
@@ -65,12 +67,12 @@ class Reflex(Controller[ReflexMemory, None]):
         now = instant_of(self.robot, pose_at(_wanted(self, memory), jnp.zeros((), self.dt.dtype)), weight)
         return Tracking(now.angles, now.velocity + self.dt * now.acceleration, now.torque, self.dt), memory
 
-    def felt(self, memory: ReflexMemory, sensed: Reading, torque: Float[Array, "leg joint"], after: State) -> ReflexMemory:
+    def felt(self, memory: ReflexMemory, torque: Float[Array, "leg joint"], after: State) -> ReflexMemory:
         """The walk a tick later, by the forces that the feet feel."""
-        feel, dt = self.feel, self.dt
-        force = felt_forces(sensed.terms, self.robot, torque, sensed.state, after, dt, feel.inertia)
-        felt = memory.felt + (force - memory.felt) * dt / (feel.delay + dt)
-        return _proceed(self, memory._replace(felt=felt), after)
+        joints, senses = measured(self.feel.senses, memory.joints, torque, after, self.dt), self.feel.senses
+        trunk = _trunk(self, memory, self.dt)
+        force = felt_forces(self.robot, senses, joints, trunk[3:])
+        return _proceed(self, memory._replace(joints=joints, force=force), after)
 
     def over(self, memory: ReflexMemory) -> Bool[Array, ""]:
         """Whether every phase is past."""
@@ -92,19 +94,23 @@ def under_way(reflex: Reflex, at: ReflexMemory) -> tuple[Int[Array, ""], Bool[Ar
 
 def _wanted(reflex: Reflex, now: ReflexMemory):
     """The function of how much later [s] that gives the trunk (6,) and the feet (4, 3) that are wanted then."""
-    phase, leg, swings = _now(reflex.walk, now)
-    moving, settled = under_way(reflex, now)[1], swings | reflex.over(now)
+    phase, leg, _ = _now(reflex.walk, now)
+    moving = under_way(reflex, now)[1]
 
     def at(later):
-        """The trunk only moves in shifts."""
-        share = jnp.minimum((now.clock + later) / phase.duration, 1.0)
-        rise = now.raised[0] + (now.raised[1] - now.raised[0]) * smoothstep(share)
-        rise = jnp.where(settled, now.raised[1], rise)
-        trunk = trunk_path(phase, share) + jnp.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], rise.dtype) * rise
         foot = _foot(reflex, now, phase, leg, later)
-        return trunk, jnp.where(moving, now.held.at[leg].set(foot), now.held)
+        return _trunk(reflex, now, later), jnp.where(moving, now.held.at[leg].set(foot), now.held)
 
     return at
+
+
+def _trunk(reflex: Reflex, now: ReflexMemory, later):
+    """The trunk's pose that is wanted a little later: it only moves in shifts, and not after the walk."""
+    phase, _, swings = _now(reflex.walk, now)
+    share = jnp.where(reflex.over(now), 1.0, jnp.minimum((now.clock + later) / phase.duration, 1.0))
+    rise = now.raised[0] + (now.raised[1] - now.raised[0]) * smoothstep(share)
+    rise = jnp.where(swings | reflex.over(now), now.raised[1], rise)
+    return trunk_path(phase, share) + jnp.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], rise.dtype) * rise
 
 
 def _now(walk: Walk, at: ReflexMemory):
@@ -128,7 +134,7 @@ def _moved(reflex: Reflex, phase):
 def _foot(reflex: Reflex, at: ReflexMemory, phase, leg, later):
     """The moving foot a little later."""
     machine, lift_share = bounded(reflex.machine, at.swing), reflex.walk.gait.lift_share
-    return foot_at(machine, reflex.feel, at.swing, phase.apex[leg], lift_share, _moved(reflex, phase), later)
+    return foot_at(machine, reflex.feel, at.swing, phase.flight, lift_share, _moved(reflex, phase), later)
 
 
 def _proceed(reflex: Reflex, at: ReflexMemory, state: State) -> ReflexMemory:
@@ -137,24 +143,27 @@ def _proceed(reflex: Reflex, at: ReflexMemory, state: State) -> ReflexMemory:
     phase = _now(reflex.walk, at)[0]
     foot = _foot(reflex, at, phase, leg, dt)
     machine, time = bounded(reflex.machine, at.swing), _moved(reflex, phase)
-    felt, contact = feel_on(machine, reflex.feel, at.swing, foot, at.felt[leg], time, dt)
+    felt, contact = feel_on(machine, reflex.feel, at.swing, foot, at.force[leg], time, dt)
     swing = jax.tree.map(lambda a, b: jnp.where(moving, a, b), felt, at.swing)
-    lands = moving & (swing.state.mode >= Mode.SUPPORTED)
+    again = moving & tries_again(reflex.feel, swing)
+    lands = moving & (swing.state.mode >= Mode.SUPPORTED) & ~again
     clock = jnp.where(moving, jnp.where(lands, (1.0 - share) * phase.duration, at.clock), at.clock + dt)
     held = jnp.where(moving, at.held.at[leg].set(foot), at.held)
     over = clock >= phase.duration
     onward = (over & ~reflex.over(at)).astype(jnp.int32)
     clock = jnp.where(over, 0.0, clock)
     after = at._replace(phase=at.phase + onward, clock=clock, held=held, swing=swing, contact=contact & moving)
-    return _set_out(reflex, after, over, state)
+    return _set_out(reflex, after, over, again, state)
 
 
-def _set_out(reflex: Reflex, at: ReflexMemory, begins, state: State) -> ReflexMemory:
-    """Where a phase begins: its foot's swing from where the foot stands, or how far the trunk is to rise in its shift."""
+def _set_out(reflex: Reflex, at: ReflexMemory, begins, again, state: State) -> ReflexMemory:
+    """Where a phase begins: its foot's swing from where the foot stands, or how far the trunk is to rise in its shift. A swing
+    that has come back sets out `again`, elsewhere (B17)."""
     feel, (phase, leg, swings) = reflex.feel, _now(reflex.walk, at)
     hips = state.q[None, :3] + matvec(rotation_from_quaternion(state.q[3:7]), reflex.robot.hip_position)
-    setting = set_out(reflex.robot, feel, at.held[leg], phase.feet_to[leg], hips[leg], _moved(reflex, phase))
-    swing = jax.tree.map(lambda a, b: jnp.where(begins & swings, a, b), setting, at.swing)
+    attempt = jnp.where(again, at.swing.attempt + 1, 0)
+    setting = set_out(reflex.robot, feel, at.held[leg], phase.feet_to[leg], hips[leg], _moved(reflex, phase), attempt)
+    swing = jax.tree.map(lambda a, b: jnp.where((begins & swings) | again, a, b), setting, at.swing)
     higher = jnp.where(feel.reacts, jnp.min(at.held[:, 2] - phase.feet_from[:, 2]), 0.0)  # no leg longer than planned
     raised = jnp.where(begins & ~swings, jnp.stack([at.raised[1], higher]), at.raised)
     return at._replace(swing=swing, raised=raised)

@@ -2,10 +2,25 @@
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from jaxleg.gait.order import SHIFT, STEP_LEGS
+
+
+class Flight(NamedTuple):
+    """A foot's law in one swing, or in many (leading axes); `swing.flight.fly` says where the foot is."""
+
+    apex: Float[Array, "*batch"]  # of the path above the higher end [m]
+    corner: Float[Array, "*batch corner 2"]  # of a route: share of the way, height in W [m]; none: a cycloid
+    rounding: Float[Array, "*batch"]  # length [m] over which the corners are rounded to either side
+
+
+def no_flights(count: int, dtype: jnp.dtype) -> Flight:
+    """The flights of so many phases in which no foot flies."""
+    zero = jnp.zeros(count, dtype)
+    return Flight(zero, jnp.zeros((count, 0, 2), dtype), zero)
 
 
 class Moves(NamedTuple):
@@ -15,7 +30,7 @@ class Moves(NamedTuple):
     trunk_to: Float[Array, "phase 6"]
     feet_from: Float[Array, "phase leg 3"]  # foot centres in W [m]
     feet_to: Float[Array, "phase leg 3"]
-    apex: Float[Array, "phase leg"]  # swing apex above the higher end [m], 0 for standing legs
+    flight: Flight  # of the leg that swings, leading axis phase
     swings: Float[Array, "phase leg"]  # 1 for the leg that swings in this phase
 
 
@@ -28,7 +43,7 @@ class Phases(NamedTuple):
     trunk_to: Float[Array, "phase 6"]
     feet_from: Float[Array, "phase leg 3"]
     feet_to: Float[Array, "phase leg 3"]
-    apex: Float[Array, "phase leg"]
+    flight: Flight
     swings: Float[Array, "phase leg"]
 
 

@@ -75,8 +75,8 @@ class ByAcceleration:
     def _swing(self, moves: Moves, leg: np.ndarray, load_share) -> Float[Array, "phase"]:
         """Long enough for the foot's peak speed; a cycloid's is twice its mean, up, along and down are added up."""
         row = np.arange(len(leg))
-        start, end, apex = moves.feet_from[row, leg], moves.feet_to[row, leg], moves.apex[row, leg]
-        top = jnp.maximum(start[:, 2], end[:, 2]) + apex
+        start, end = moves.feet_from[row, leg], moves.feet_to[row, leg]
+        top = jnp.maximum(start[:, 2], end[:, 2]) + jnp.sum(moves.swings, axis=1) * moves.flight.apex
         way = norm_safe((end - start)[:, :2]) + 2.0 * top - start[:, 2] - end[:, 2]
         moving = 2.0 * way / self.foot_speed
         return jnp.maximum(moving, self.least_swing) / (1.0 - 2.0 * load_share)

@@ -7,12 +7,12 @@ functions on a model made from the `Robot`; no MuJoCo contact takes part. Anothe
 import contextlib
 import io
 from collections.abc import Callable
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
 
-from jaxleg.control.contract import Terms
 from jaxleg.numerics import cross, foreign
 from jaxleg.robot import Robot
 from jaxleg.robot.mjcf import robot_mjcf
@@ -20,6 +20,20 @@ from jaxleg.robot.mjcf import robot_mjcf
 with contextlib.redirect_stdout(io.StringIO()):  # MJX prints that its optional Warp back end is not there
     from mujoco import mjx
     from mujoco.mjx._src import smooth
+
+
+class Terms(NamedTuple):
+    """Terms of M dv/dt + bias = forces in blocks: the trunk's six degrees of freedom (linear in W, angular in B), the legs'."""
+
+    trunk: Float[Array, "6 6"]
+    coupling: Float[Array, "leg 6 3"]
+    legs: Float[Array, "leg 3 3"]
+    trunk_bias: Float[Array, "6"]
+    leg_bias: Float[Array, "leg 3"]
+    foot: Float[Array, "leg 3"]  # foot centres in W [m]
+    foot_by_trunk: Float[Array, "leg 3 6"]  # Jacobians of the feet
+    foot_by_leg: Float[Array, "leg 3 3"]
+    com: Float[Array, "3"]  # centre of mass in W [m]
 
 
 Engine = Callable[[Float[Array, "19"], Float[Array, "18"]], Terms]

@@ -27,7 +27,7 @@ class Tick(NamedTuple):
     adjustments: Int[Array, "t"]
     contact: Bool[Array, "t"]  # felt by the swinging leg
     normal_force: Float[Array, "t leg"]  # true [N]
-    felt: Float[Array, "t leg 3"]  # low-passed estimate in W [N]
+    felt: Float[Array, "t leg 3"]  # its low-passed estimate in W [N]
     foot: Float[Array, "t leg 3"]  # centres in W [m]
     trunk: Float[Array, "t 3"]
     alive: Bool[Array, "t"]
@@ -56,7 +56,7 @@ def walk_reactively(
         after, swing, seen = lane.memory, before.swing.state, ticked.measured
         mode = jnp.where(under_way(controller, before)[1], swing.mode, -1)
         whether = lane.alive, controller.over(after)
-        felt = (before.phase, mode, swing.adjustments, after.contact & lane.alive, seen.normal_force, after.felt)
+        felt = (before.phase, mode, swing.adjustments, after.contact & lane.alive, seen.normal_force, after.force)
         return lane, Tick(*felt, seen.foot, lane.state.q[:3], *whether)
 
     return jax.lax.scan(body, first, length=ticks)[1]

@@ -16,7 +16,7 @@ from jaxleg.leg.energy import CONVENTIONS, Power, cost_of_transport, electrical
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.follow import film, landing_errors
-from jaxleg.sim.referee_follow import follow_all
+from jaxleg.sim.referee_feedback import follow_all
 from jaxleg.walk.plan_file import PlanFile
 
 Frames = Float[np.ndarray, "frame 19"]

@@ -66,10 +66,11 @@ def ticker(world: World, controller: Controller[Any, Any], start: State, feet: F
     def tick(lane: Lane, row: Any, metered: Bool[Array, ""] | bool = True) -> tuple[Lane, Ticked]:
         """Sense, command, step, feel; then meters. `row` as in `Controller.command`."""
         state = _where(lane.alive, lane.state, start)  # a fallen lane's steps stay finite
-        sensed = Reading(state, engine(state.q, state.v))
+        terms = engine(state.q, state.v)
+        sensed = Reading(state, terms.foot, terms.foot_by_leg)
         now, memory = controller.command(lane.memory, sensed, row)
-        after, seen = advance(sensed.terms, robot, ground, terrain, state, now)
-        memory = controller.felt(memory, sensed, seen.torque, after)
+        after, seen = advance(terms, robot, ground, terrain, state, now)
+        memory = controller.felt(memory, seen.torque, after)
         alive = checkpoint_name(lane.alive & ~fallen(trunk, after, seen.foot), "alive")  # no fall is looked for twice
         counted = alive & metered & ~controller.over(lane.memory)
         after, memory = _where(alive, (after, memory), (lane.state, lane.memory))

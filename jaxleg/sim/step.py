@@ -11,13 +11,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxleg.control.contract import State, Terms, Tracking
+from jaxleg.control.contract import State, Tracking
 from jaxleg.conventions import GRAVITY
 from jaxleg.leg.energy import Power, motor_power
 from jaxleg.numerics import cross, dot, matmul, matvec, norm_safe, solve_block_arrow
 from jaxleg.robot import Robot
 from jaxleg.sim.contact import Ground, foot_contact
-from jaxleg.sim.engine import Engine
+from jaxleg.sim.engine import Engine, Terms
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.walk.data import Reference
 

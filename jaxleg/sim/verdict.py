@@ -35,9 +35,7 @@ def measured(robot: Robot, states: np.ndarray, sensors: np.ndarray, control: np.
     Torque is the one that the implicit step applied, speed that of mid-step. Between two steps a foot slips that is loaded in
     both and stands that is loaded in either: at the edges of the height field's cells a contact is lost for single steps.
     """
-    kp, kd, limit = (np.asarray(x, float).reshape(12) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit))
-    angles, speed = states[..., 8:20], states[..., 26:38]
-    torque = np.clip(control - kp * angles[:, :-1] - kd * speed[:, 1:], -limit, limit)
+    speed, torque = states[..., 26:38], applied(robot, control, states)
     feet, load, com = sensors[..., :12].reshape(*sensors.shape[:2], 4, 3), sensors[..., 12:16], sensors[..., 16:18]
     loaded = load > float(least_load(robot))
     way = np.linalg.norm(np.diff(feet, axis=1), axis=-1)
@@ -48,6 +46,12 @@ def measured(robot: Robot, states: np.ndarray, sensors: np.ndarray, control: np.
     energy = Power(*(x.sum(axis=1) * STEP for x in power))
     looked = np.round(states[:, :-1, 0] / STEP) % LOOK == 0
     return Seen(energy, slip.sum(axis=1).mean(axis=-1), np.min(margin, axis=1, initial=np.inf, where=looked))
+
+
+def applied(robot: Robot, control: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """Torques [N m] that the implicit steps applied under a control (lane, step, 12), states from before the first on."""
+    kp, kd, limit = (np.asarray(x, float).reshape(12) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit))
+    return np.clip(control - kp * states[:, :-1, 8:20] - kd * states[:, 1:, 26:38], -limit, limit)
 
 
 def _by_step(robot: Robot, *rows: np.ndarray) -> list[np.ndarray]:

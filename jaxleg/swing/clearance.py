@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxleg.gait.params import GaitParams
+from jaxleg.gait.phases import Flight
 from jaxleg.pytree import pytree
 from jaxleg.robot import Robot
 from jaxleg.swing.cycloid import cycloid_advance, cycloid_lift
@@ -21,10 +22,10 @@ class Cycloid:
     clearance: Float[Array, "*batch"]  # between the foot and the ground in mid-swing [m]
     load_share: Float[Array, "*batch"]  # part of a swing at either end in which the load is transferred
 
-    def apex(
+    def flight(
         self, robot: Robot, gait: GaitParams, ground: Obstacles, start: Float[Array, "3"], end: Float[Array, "3"]
-    ) -> Float[Array, ""]:
-        """Apex [m] over the higher end: the least one, raised until the foot clears the ground near all of its way.
+    ) -> Flight:
+        """Its apex is the least one, raised until the foot clears the ground near all of its way.
 
         Between two looks the ground counts as the higher one's and the foot as the lower one's.
         """
@@ -35,4 +36,5 @@ class Cycloid:
         base, lift = jnp.where(shares < 0.5, start[2], end[2]), cycloid_lift(shares)
         high, base, lift = (f(x[1:], x[:-1]) for f, x in ((jnp.maximum, high), (jnp.minimum, base), (jnp.minimum, lift)))
         top = base + (high + self.clearance * lift - base) / lift
-        return jnp.maximum(jnp.max(top) - jnp.maximum(start[2], end[2]), gait.swing_height)
+        apex = jnp.maximum(jnp.max(top) - jnp.maximum(start[2], end[2]), gait.swing_height)
+        return Flight(apex, jnp.zeros((0, 2), apex.dtype), jnp.zeros_like(apex))

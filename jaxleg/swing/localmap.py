@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from jaxleg.numerics import sqrt_safe
 from jaxleg.swing.profile import Profile, height
 
 
@@ -70,7 +71,7 @@ def widened(local: LocalMap, distance: Float[ArrayLike, ""], window: int) -> Flo
     """Least height at each point that keeps `distance` from the map's points, at most `window` of them to either side."""
     offset = jnp.arange(-window, window + 1, dtype=local.spacing.dtype) * local.spacing
     rise = distance**2 - offset**2
-    lift = jnp.where(rise >= 0.0, jnp.sqrt(jnp.maximum(rise, 0.0)), -jnp.inf)
+    lift = jnp.where(rise >= 0.0, sqrt_safe(jnp.asarray(rise)), -jnp.inf)
     near = jnp.pad(local.ground, window, constant_values=-jnp.inf)
     shifted = [jax.lax.slice_in_dim(near, k, k + local.ground.shape[0]) for k in range(2 * window + 1)]
     return jnp.max(jnp.stack(shifted) + lift[:, None], axis=0)

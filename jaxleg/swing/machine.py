@@ -12,6 +12,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.numerics import Code
@@ -82,12 +83,12 @@ class Sensed(NamedTuple):
     slope: Float[Array, ""]  # dT/dx: the force's direction is the terrain's normal (-dT/dx, 1)
 
 
-def printed(**changes: float) -> Machine:
+def printed(**changes: ArrayLike) -> Machine:
     """The machine as printed, with paper B's Table I and a map from 0 to 7.5 unless changed (by field, e.g. `high`)."""
     return _machine(dict(limit=3.0, probing=False), [0.0], changes)
 
 
-def extended(stations: int = 257, coarse_to_fine: bool = True, **changes: float) -> Machine:
+def extended(stations: int = 257, coarse_to_fine: bool = True, **changes: ArrayLike) -> Machine:
     """The machine repaired where the printed one jams, without a limit of adjustments; see `_extended`.
 
     An odd number of stations over En, tried from coarse to fine or from the left; `changes` as for `printed`.

@@ -143,14 +143,14 @@ def _moves(planner, robot, site, shape: Layout, course: _Course) -> Moves:
 
 
 def _flights(planner, robot, site, shape: Layout, count, before, after):
-    """Apex and leg of each swing."""
+    """Flight and leg of each swing; in a shift nothing flies."""
     row = np.flatnonzero(shape.leg != SHIFT)
     leg = shape.leg[row]
     start, end = before[row, leg], after[row, leg]
-    apex = jax.vmap(planner.swing.apex, in_axes=(None, None, None, 0, 0))(robot, planner.gait, site.obstacles, start, end)
-    on = (jnp.asarray(shape.step[row], jnp.int32) < count).astype(apex.dtype)
-    none = jnp.zeros((len(shape.leg), 4), apex.dtype)
-    return {"apex": none.at[row, leg].set(apex * on), "swings": none.at[row, leg].set(on)}
+    flown = jax.vmap(planner.swing.flight, in_axes=(None, None, None, 0, 0))(robot, planner.gait, site.obstacles, start, end)
+    on = (jnp.asarray(shape.step[row], jnp.int32) < count).astype(start.dtype)
+    flight = jax.tree.map(lambda x: jnp.zeros((len(shape.leg), *x.shape[1:]), x.dtype).at[row].set(x), flown)
+    return {"flight": flight, "swings": jnp.zeros((len(shape.leg), 4), start.dtype).at[row, leg].set(on)}
 
 
 def _lowered(planner, robot, shape: Layout, moves: Moves, poses):

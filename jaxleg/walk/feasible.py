@@ -61,7 +61,7 @@ def feasible(
     """Why a step from a stance cannot be made (`Status`, OK if it can): key poses of the shift to `pose`, key points of the
     swing to `target` in it, and what the motors must hold with the leg in the air. Paper C, 3.2."""
     start = stance.feet[leg]
-    top = jnp.maximum(start[2], target[2]) + planner.swing.apex(robot, planner.gait, ground, start, target)
+    top = jnp.maximum(start[2], target[2]) + planner.swing.flight(robot, planner.gait, ground, start, target).apex
     shares = jnp.asarray(SHIFT_SHARES, pose.dtype)[:, None]
     poses = jnp.concatenate([stance.pose[None] + shares * (pose - stance.pose)[None], jnp.broadcast_to(pose, (len(BOX), 6))])
     way, lift = jnp.asarray(BOX, pose.dtype).T[:, :, None]

@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from jaxleg.gait.order import PHASES, SWING_LEG
 from jaxleg.gait.params import GaitParams
-from jaxleg.gait.phases import Phases
+from jaxleg.gait.phases import Phases, no_flights
 from jaxleg.robot import Robot
 from jaxleg.terrain.ground import on_ground
 from jaxleg.terrain.heightmap import HeightMap
@@ -47,7 +47,8 @@ def up_down(
     poses = jnp.zeros((PHASES + 1, 6), feet.dtype).at[:, 2].set(ground + ends - jnp.mean(robot.hip_position[:, 2]))
     duration = jnp.full(PHASES, 1.0, feet.dtype) * seconds
     there, none = jnp.broadcast_to(feet, (PHASES, 4, 3)), jnp.zeros((PHASES, 4), feet.dtype)
-    phases = Phases(jnp.cumsum(duration) - duration, duration, poses[:-1], poses[1:], there, there, none, none)
+    still = no_flights(PHASES, feet.dtype)
+    phases = Phases(jnp.cumsum(duration) - duration, duration, poses[:-1], poses[1:], there, there, still, none)
     zero, status = jnp.zeros((), feet.dtype), jnp.zeros((1, 4), jnp.int32)
     return Walk(
         gait=params,

@@ -1,13 +1,12 @@
 """Motion within a phase: where trunk and feet are at a share of it, and who carries load. Paper A, IV.C; B, eq. (2)."""
 
-import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from jaxleg.gait.phases import Moves, Phases
 from jaxleg.numerics import smoothstep
-from jaxleg.swing.cycloid import swing_foot
+from jaxleg.swing.flight import fly
 
 
 def trunk_path(phase: Moves | Phases, share: Float[ArrayLike, ""]) -> Float[Array, "6"]:
@@ -20,8 +19,9 @@ def foot_path(
 ) -> Float[Array, "leg 3"]:
     """Foot centres in W [m] at a share of one phase; the foot moves once its load has been taken over by the others."""
     inner = jnp.clip((jnp.asarray(share) - load_share) / (1.0 - 2.0 * load_share), 0.0, 1.0)
-    swing = jax.vmap(swing_foot, in_axes=(0, 0, 0, None, None))
-    return swing(phase.feet_from, phase.feet_to, phase.apex, inner, lift_share)
+    swings = phase.swings[:, None]
+    start, end = (jnp.sum(swings * feet, axis=0) for feet in (phase.feet_from, phase.feet_to))
+    return jnp.where(swings > 0.0, fly(start, end, phase.flight, inner, lift_share)[None], phase.feet_from)
 
 
 def load_weight(phase: Moves | Phases, share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]) -> Float[Array, "leg"]:

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.control.contract import Terms
 from jaxleg.leg.energy import Power
 from jaxleg.sim import rollout
 from jaxleg.sim.contact import Ground
+from jaxleg.sim.engine import Terms
 from jaxleg.sim.follow import follow
 from jaxleg.sim.step import Measured
 from jaxleg.terrain import Grid, flat

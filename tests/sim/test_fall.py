@@ -17,7 +17,7 @@ from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.follow import follow
 from jaxleg.sim.model import build_model
 from jaxleg.sim.referee import controls, no_log, replay, start_state
-from jaxleg.sim.referee_follow import follow_all
+from jaxleg.sim.referee_feedback import follow_all
 from jaxleg.sim.rollout import simulate
 from jaxleg.sim.verdict import unstable
 from jaxleg.terrain import Grid, flat

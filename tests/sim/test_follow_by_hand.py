@@ -9,7 +9,8 @@ import pytest
 
 from jaxleg.control.contract import State
 from jaxleg.control.course import Posture, between, command, corrected, held_feet
-from jaxleg.control.sensing import felt_forces
+from jaxleg.control.sensing import Joints, Smoothed, at_rest, felt_forces, measured, smoothed
+from jaxleg.control.swing_leg import feeling
 from jaxleg.leg.dynamics import all_leg_frames
 from jaxleg.leg.kinematics import foot_jacobian, foot_position
 from jaxleg.posture.body import joint_angles
@@ -117,24 +118,68 @@ def test_each_leg_goes_by_its_own_load(law):
     np.testing.assert_allclose(found[1::2], swinging[1::2], atol=1e-6)
 
 
-def test_what_a_leg_feels_is_the_force_that_was_put_on_it(engine, bodies, pegasus):
-    """Random motions under random torques and forces on the feet, by MuJoCo's equation of motion; losses at the step's end."""
+def test_what_a_leg_feels_is_the_force_that_was_put_on_it(bodies, pegasus):
+    """A trunk held still at any turn, its legs moving under torques and forces on the feet by MuJoCo's equation of motion."""
     lossy = dataclasses.replace(pegasus, joint_damping=3.0 * pegasus.joint_damping)
-    mujocos, terms, rng, dt = bodies, jax.jit(engine), np.random.default_rng(3), 0.0025
-    damping = np.diag(np.concatenate([np.zeros(6), np.asarray(lossy.joint_damping).ravel()]))
-    feel = jax.jit(felt_forces)
+    rng, turn, feel = np.random.default_rng(3), np.array([0.2, -0.1, 0.7]), jax.jit(felt_forces)
     for _ in range(4):
         angles = np.tile([0.0, -0.7, 1.3], (4, 1)) + 0.3 * rng.normal(size=(4, 3))
-        quaternion = rng.normal(size=4)
-        q = np.concatenate([rng.normal(size=3), quaternion / np.linalg.norm(quaternion), angles.ravel()])
-        v, torque, force = rng.normal(size=18), 20.0 * rng.normal(size=12), 80.0 * rng.normal(size=(4, 3))
-        body = mujocos(q, v)
-        push = np.concatenate([np.zeros(6), torque]) + np.einsum("lik,li->k", body.jacobian, force) - body.bias
-        after = np.linalg.solve(body.mass + dt * damping, body.mass @ v + dt * push)
-        before, later = State(q, v), State(q, after)
-        at, moved = terms(q, v), torque.reshape(4, 3)
-        np.testing.assert_allclose(feel(at, lossy, moved, before, later, dt, 1.0), force, atol=1e-6)
-        blind = feel(at, lossy, moved, before, later, dt, 0.0)
-        legs = body.mass[6:] @ (after - v) / dt
-        missing = [np.linalg.solve(body.jacobian[i, :, 6 + 3 * i : 9 + 3 * i].T, legs[3 * i : 3 * i + 3]) for i in range(4)]
+        rate, torque, force = rng.normal(size=(4, 3)), 20.0 * rng.normal(size=(4, 3)), 80.0 * rng.normal(size=(4, 3))
+        q = np.concatenate([rng.normal(size=3), trunk_quaternion(jnp.asarray(turn)), angles.ravel()])
+        body = bodies(q, np.concatenate([np.zeros(6), rate.ravel()]))
+        push = torque.ravel() - np.asarray(lossy.joint_damping).ravel() * rate.ravel()
+        push = push + np.einsum("lik,li->k", body.jacobian, force)[6:] - body.bias[6:]
+        acceleration = np.linalg.solve(body.mass[6:, 6:], push).reshape(4, 3)
+        joints = Joints(Smoothed(angles, rate, acceleration), Smoothed(torque, *np.zeros((2, 4, 3))), jnp.zeros((), jnp.int32))
+        senses = feeling(lossy).senses
+        np.testing.assert_allclose(feel(lossy, senses, joints, turn), force, atol=1e-6)
+        blind = feel(lossy, dataclasses.replace(senses, inertia=jnp.asarray(0.0)), joints, turn)
+        legs = (body.mass[6:, 6:] @ acceleration.ravel()).reshape(4, 3)
+        missing = [np.linalg.solve(body.jacobian[i, :, 6 + 3 * i : 9 + 3 * i].T, legs[i]) for i in range(4)]
         np.testing.assert_allclose(blind, force - np.stack(missing), atol=1e-6)
+
+
+def test_a_leg_that_is_believed_too_heavy_feels_the_difference_of_its_weight_at_rest(bodies, pegasus):
+    """Links 10 % heavier in the model: a still leg in the air feels the ground hold a tenth of its gravity torque."""
+    angles = np.tile([0.05, -0.6, 1.2], (4, 1))
+    q = np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0], angles.ravel()])
+    body, still = bodies(q), np.zeros((4, 3))
+    weight = body.bias[6:].reshape(4, 3)
+    joints = Joints(Smoothed(angles, still, still), Smoothed(weight, still, still), jnp.zeros((), jnp.int32))
+    felt = jax.jit(felt_forces)(pegasus, feeling(pegasus, mass_error=0.1).senses, joints, jnp.zeros(3))
+    wanted = [np.linalg.solve(body.jacobian[i, :, 6 + 3 * i : 9 + 3 * i].T, 0.1 * weight[i]) for i in range(4)]
+    np.testing.assert_allclose(felt, wanted, atol=1e-6)
+    assert np.abs(felt).max() > 0.3  # N
+
+
+def test_the_low_pass_lags_a_ramp_by_its_delay_and_finds_rate_and_acceleration():
+    """x = 3 t + 2 t^2 after a while: rate and acceleration those of `delay` before; both exact for small dt."""
+    dt, delay, time = 1e-4, 0.02, np.arange(4000) * 1e-4
+
+    def tick(past, now):
+        after = smoothed(past, now, jnp.asarray(delay), dt)
+        return after, after
+
+    zero = jnp.zeros(1)
+    _, seen = jax.lax.scan(tick, Smoothed(zero, zero, zero), jnp.asarray(3.0 * time + 2.0 * time**2)[:, None])
+    late = time[-1] + dt - delay
+    np.testing.assert_allclose(seen.acceleration[-1], 4.0, rtol=1e-6)
+    np.testing.assert_allclose(seen.rate[-1], 3.0 + 4.0 * late, rtol=2e-3)
+    spread = 2.0 * 2.0 * (0.5 * delay) ** 2  # a second-order pass delays a parabola a little more
+    np.testing.assert_allclose(seen.value[-1], 3.0 * late + 2.0 * late**2 + spread, rtol=2e-3)
+
+
+def test_noise_is_as_strong_as_told_and_friction_rubs_against_the_motion(pegasus):
+    """Many ticks of a standing robot, unfiltered (delay ~ 0), and one of a moving one."""
+    senses = feeling(pegasus, delay=1e-9, torque_noise=2.0, friction=1.5).senses
+    q = jnp.zeros(19).at[3].set(1.0)
+
+    def tick(joints, speed):
+        after = measured(senses, joints, jnp.zeros((4, 3)), State(q, jnp.zeros(18).at[6:].set(speed)), 0.0025)
+        return after, after.torque.value
+
+    still = jnp.zeros((4, 3))
+    _, torque = jax.lax.scan(tick, at_rest(still, still), jnp.concatenate([jnp.zeros(2000), jnp.full(2000, -0.5)]))
+    np.testing.assert_allclose(np.std(torque[:2000], axis=0), 2.0, rtol=0.1)
+    np.testing.assert_allclose(np.mean(torque[:2000], axis=0), 0.0, atol=0.2)
+    np.testing.assert_allclose(np.mean(torque[2000:], axis=0), -1.5, atol=0.2)

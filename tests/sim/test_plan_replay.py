@@ -8,7 +8,7 @@ import pytest
 from jaxleg.sim import replay as replay_module
 from jaxleg.sim.follow import Followed
 from jaxleg.sim.meters import no_tally, read
-from jaxleg.sim.referee_follow import follow_all
+from jaxleg.sim.referee_feedback import follow_all
 from jaxleg.sim.replay import replay_mjx, replay_mujoco
 from jaxleg.terrain import Grid, flat
 from jaxleg.walk.plan_file import PlanFile

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.control.contract import Terms
 from jaxleg.conventions import GRAVITY
 from jaxleg.leg.dynamics import all_leg_frames
 from jaxleg.leg.energy import CONVENTIONS, electrical
@@ -19,6 +18,7 @@ from jaxleg.leg.kinematics import foot_jacobian
 from jaxleg.numerics import cross, matmul, matvec
 from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.contact import Ground
+from jaxleg.sim.engine import Terms
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain import HeightMap
 from tests.motions import shift_and_step

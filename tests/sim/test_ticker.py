@@ -7,11 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.control.contract import Controller, State, Terms, Tracking
+from jaxleg.control.contract import Controller, State, Tracking
 from jaxleg.leg.energy import Power
 from jaxleg.pytree import pytree
 from jaxleg.sim import rollout
 from jaxleg.sim.contact import Ground
+from jaxleg.sim.engine import Terms
 from jaxleg.sim.rollout import World, ticker
 from jaxleg.sim.step import Measured
 from jaxleg.terrain import Grid, flat
@@ -40,7 +41,7 @@ class Counter(Controller[Memory, jax.Array]):
         zero = jnp.zeros((4, 3))
         return Tracking(zero, zero, zero + row, jnp.array(DT)), memory._replace(ticks=memory.ticks + 1)
 
-    def felt(self, memory, sensed, torque, after):
+    def felt(self, memory, torque, after):
         return memory._replace(torque=memory.torque + torque[0, 0])
 
     def over(self, memory):

@@ -133,7 +133,7 @@ def swung(navigator, pegasus):
     @jax.jit
     def run(elevation, start, end, shares):
         plan = navigator.planner
-        apex = plan.swing.apex(pegasus, plan.gait, navigator.obstacles(terrain_of(elevation)), start, end)
+        apex = plan.swing.flight(pegasus, plan.gait, navigator.obstacles(terrain_of(elevation)), start, end).apex
         return apex, jax.vmap(lambda s: swing_foot(start, end, apex, s, plan.gait.lift_share))(shares)
 
     return run
