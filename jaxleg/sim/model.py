@@ -7,15 +7,13 @@ Ground that nobody has seen is as high as the lowest that somebody has, so that 
 from typing import NamedTuple
 from xml.etree import ElementTree as xml
 
-import jax
-import jax.numpy as jnp
 import mujoco
 import numpy as np
 
 from jaxleg.conventions import LEGS
 from jaxleg.robot import Robot
 from jaxleg.robot.mjcf import FEET, LINKS, TRUNK, robot_mjcf
-from jaxleg.terrain.heightmap import HeightMap, height
+from jaxleg.terrain.heightmap import HeightMap, heights
 
 STEP = 2e-3  # [s]
 TRUNK_CONTACT = 19  # place of the trunk's contacts among the sensors: after feet (4 x 3), loads (4) and the centre of mass (3)
@@ -63,8 +61,8 @@ def surface_of(terrain: HeightMap, finer: int = 2) -> Surface:
     origin, spacing = np.asarray(terrain.origin, float), float(terrain.resolution) / finer
     count = finer * (np.array(terrain.elevation.shape) - 1) + 1
     axes = [origin[i] + spacing * np.arange(count[i]) for i in (0, 1)]
-    points = jnp.asarray(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1), terrain.elevation.dtype)
-    return Surface(np.asarray(_heights(terrain, points), float), origin, spacing)
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return Surface(np.asarray(heights(terrain, points), float), origin, spacing)
 
 
 def over_unseen(surface: Surface, feet: np.ndarray) -> np.ndarray:
@@ -73,11 +71,6 @@ def over_unseen(surface: Surface, feet: np.ndarray) -> np.ndarray:
     place = np.nan_to_num((feet[..., :2] - surface.origin) / surface.spacing)
     cell = np.clip(np.round(place), 0, last).astype(int)
     return np.isnan(surface.height[cell[..., 0], cell[..., 1]])
-
-
-@jax.jit
-def _heights(terrain, points):
-    return jax.vmap(jax.vmap(height, in_axes=(None, 0)), in_axes=(None, 0))(terrain, points)
 
 
 def _actuators(root, robot: Robot) -> None:

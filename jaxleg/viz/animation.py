@@ -14,14 +14,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from PIL import Image
 
-from jaxleg.conventions import LEFT_LEGS, LEGS, RIGHT_LEGS, InputError
+from jaxleg.conventions import LEFT_LEGS, RIGHT_LEGS, InputError
 from jaxleg.files import check_writable, replace_whole
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
-from jaxleg.terrain.heightmap import HeightMap
-from jaxleg.viz.gait import GROUND_LEFT, GROUND_RIGHT, _chains, _heights
-from jaxleg.viz.navigation import PATH, border, colour_bar, draw_ground, end_style
-from jaxleg.viz.style import BLACK, LEG_COLOUR, WIDTH, blank, label, legend_below
+from jaxleg.terrain.heightmap import HeightMap, heights
+from jaxleg.viz.gait import GROUND_LEFT, GROUND_RIGHT, postures
+from jaxleg.viz.ground import border, colour_bar, draw_ground
+from jaxleg.viz.navigation import PATH, end_style
+from jaxleg.viz.style import BLACK, LEG_COLOUR, WIDTH, blank, label, leg_keys, legend_below
 
 DPI = 100
 VIEW = WIDTH - 1.5  # width of the panels [inches]
@@ -81,8 +82,8 @@ def film(terrain: HeightMap, q: np.ndarray, robot: Robot) -> Film:
     """What is to be drawn of the configurations `q` (frame, 19)."""
     centre, quaternion = q[:, :3], jnp.asarray(q[:, 3:7], float)
     turn = np.asarray(jax.vmap(rotation_from_quaternion)(quaternion))
-    chain = _chains(robot, jnp.asarray(q[:, 7:].reshape(-1, 4, 3), float), jnp.asarray(centre, float), quaternion)[0]
-    chain = np.asarray(chain, float)
+    joints = jnp.asarray(q[:, 7:].reshape(-1, 4, 3), float)
+    chain = np.asarray(postures(robot, joints, jnp.asarray(centre, float), quaternion)[0], float)
     yaw = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
     ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     length, width, height = 0.5 * np.asarray(robot.trunk_size)
@@ -118,8 +119,7 @@ def _ground(terrain: HeightMap, feet: np.ndarray, centre: np.ndarray, ahead: np.
     x, y = (np.sum(away * axis[:, None], axis=-1) for axis in (ahead, left))
     aside = [[np.interp(along, x[k, legs[::-1]], y[k, legs[::-1]]) for legs in (LEFT_LEGS, RIGHT_LEGS)] for k in range(len(x))]
     points = centre[:, None, None] + along[:, None] * ahead[:, None, None] + np.array(aside)[..., None] * left[:, None, None]
-    heights = _heights(terrain, jnp.asarray(points.reshape(-1, 2), terrain.elevation.dtype))
-    return np.asarray(heights, float).reshape(points.shape[:3])
+    return np.asarray(heights(terrain, points), float)
 
 
 class Stage:
@@ -230,8 +230,7 @@ def _set_above(ax: Axes, terrain: HeightMap, low: np.ndarray, high: np.ndarray, 
 
 
 def _legend(route, goal) -> list[Line2D]:
-    legs = [Line2D([], [], color=colour, lw=2.2, marker="o", label=leg) for leg, colour in zip(LEGS, LEG_COLOUR)]
-    keys = [*legs, Line2D([], [], **TRACK, label="trunk's track")]
+    keys = [*leg_keys(lw=2.2, marker="o"), Line2D([], [], **TRACK, label="trunk's track")]
     keys += [Line2D([], [], **PATH, label="planned path")] if route is not None else []
     keys += [Line2D([], [], marker="*", label="goal", **end_style(11.0))] if goal is not None else []
     keys += [Line2D([], [], **GROUND_LEFT, label="ground, left feet")]
