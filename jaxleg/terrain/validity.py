@@ -5,8 +5,8 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-from jaxleg.terrain.features import disc, over_disc
 from jaxleg.terrain.heightmap import HeightMap, mean_slope
+from jaxleg.terrain.window import disc, over_disc
 
 
 def valid_cells(
