@@ -26,7 +26,6 @@ FEET = leg_keys("{} foothold", ls="", marker="o", mec="white")
 SHARES = {"path": dict(color=ORANGE, marker="s"), "walked": dict(color=BLUE, marker="o")}
 MEANING = {"path": "a body path was found", "walked": "walked to the goal"}
 VIEW = 0.9  # shown to all sides of a dead end [m]
-NORMAL = 1.96  # standard deviations either side that hold 95 %
 
 
 class Trail(NamedTuple):
@@ -113,10 +112,10 @@ def _walk_keys(simulated: bool) -> list:
 
 def wilson(hits: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends of the 95 % Wilson interval of a share, `hits` of `count` > 0."""
-    share, z = hits / count, NORMAL**2 / count
-    middle = (share + 0.5 * z) / (1.0 + z)
-    reach = NORMAL / (1.0 + z) * np.sqrt(share * (1.0 - share) / count + 0.25 * z / count)
-    return np.maximum(middle - reach, 0.0), np.minimum(middle + reach, 1.0)
+    from scipy.stats import binomtest  # 1 s, which only this picture need pay
+
+    ends = [binomtest(int(h), int(n)).proportion_ci(method="wilson") for h, n in zip(hits, count)]
+    return np.array([end.low for end in ends]), np.array([end.high for end in ends])
 
 
 def draw_success(trials: Sequence[Trials], path: str | Path, bins: int = 5) -> None:
