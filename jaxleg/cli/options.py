@@ -56,8 +56,9 @@ def check_outputs(outputs: Mapping[str, Path | None], endings: Mapping[str, str]
         if name in paths and paths[name].suffix.lower() != ending:
             raise InputError(f"command line: {name} is {paths[name]}, but must end in {ending}")
     if len({os.path.realpath(path) for path in paths.values()}) < len(paths):
-        both = ", ".join(f"{name} {path}" for name, path in paths.items())
-        raise InputError(f"command line: {both} must be different files")
+        *others, last = paths
+        alike = ", ".join(map(str, paths.values()))
+        raise InputError(f"command line: {', '.join(others)} and {last} must be different files, not {alike}")
     for name in filter(lambda name: name.startswith("--"), paths):
         check_writable(paths[name])
 

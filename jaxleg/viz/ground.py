@@ -1,6 +1,8 @@
 """A map from above: the ground's height in colours, where no foot may stand, what nobody has seen."""
 
 import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Bool
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.image import AxesImage
@@ -17,7 +19,9 @@ GROUND_KEYS = (Patch(**INVALID, label="no foothold"), Patch(color=GREY, label="u
 View = tuple[float, float, float, float]  # left, right, bottom, top in W [m]
 
 
-def draw_ground(ax: Axes, terrain: HeightMap, valid: np.ndarray | None = None, view: View | None = None) -> AxesImage:
+def draw_ground(
+    ax: Axes, terrain: HeightMap, valid: Bool[ArrayLike, "nx ny"] | None = None, view: View | None = None
+) -> AxesImage:
     """The elevation [m] as an image, unseen cells grey; seen cells (nx, ny) that are not `valid` footholds tinted.
 
     The colours span the heights in `view`, which the axes then show; without it those of the whole map.
