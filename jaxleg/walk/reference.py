@@ -156,11 +156,6 @@ def last_sample(walk: Walk, samples: tuple[int, int]) -> Int[Array, ""]:
     return jnp.max(jnp.where(walk.used, jnp.asarray(ends, jnp.int32), 0))
 
 
-def samples_a_cycle(walk: Walk, samples: tuple[int, int]) -> int:
-    """Number of intervals between the samples of a cycle of four steps; `walk` holds whole cycles."""
-    return sum(samples[0] if leg == SHIFT else samples[1] for leg in walk.legs) * 4 // walk.steps
-
-
 def to_reference(time: Float[Array, "t"], at: Instant) -> Reference:
     """The part of the instants that controllers and simulators follow."""
     turn, rate = at.pose[:, 3:], at.pose_rate[:, 3:]
