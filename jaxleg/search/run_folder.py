@@ -31,7 +31,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.conventions import InputError
-from jaxleg.files import plain, write_json
+from jaxleg.files import plain, refusal, write_json
 from jaxleg.settings import dump, load, to_table, write_whole
 
 Tree = TypeVar("Tree")
@@ -69,7 +69,7 @@ class RunFolder:
         cannot be written.
         """
         folder = cls(Path(path))
-        with _using(folder.path):
+        with refusal(folder.path, "used"):
             folder._require(tables, resume)
             folder.path.mkdir(parents=True, exist_ok=True)
             folder._take()
@@ -96,7 +96,7 @@ class RunFolder:
         arrays = {name: np.asarray(leaf) for name, leaf in _named_leaves(tree).items() if np.size(leaf)}
         if not arrays:
             return
-        with _using(folder):
+        with refusal(folder, "used"):
             folder.mkdir(parents=True, exist_ok=True)
             _require_room(folder, sum(x.nbytes for x in arrays.values()))
             _write_checkpoint(folder, arrays)
@@ -131,7 +131,7 @@ class RunFolder:
         if key in self._written:
             return
         header = [] if self._written else [HISTORY]
-        with _using(self.history), self.history.open("a", newline="", encoding="utf-8") as file:
+        with refusal(self.history, "used"), self.history.open("a", newline="", encoding="utf-8") as file:
             csv.writer(file, lineterminator="\n").writerows([*header, plain([row[name] for name in HISTORY])])
         self._written.add(key)
 
@@ -204,14 +204,6 @@ class RunFolder:
 
     def _stage_folder(self, stage: str) -> Path:
         return self.checkpoints / quote(stage, safe="").replace(".", "%2E")  # quote leaves ".." as it is
-
-
-@contextlib.contextmanager
-def _using(path: Path) -> Generator[None, None, None]:
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"{path}: cannot be used: {error.strerror or error}") from error
 
 
 def _require_room(folder: Path, size: int) -> None:
