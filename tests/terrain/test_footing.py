@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from jaxleg.terrain.footing import valid_cells
 from jaxleg.terrain.heightmap import HeightMap, height_and_gradient
-from jaxleg.terrain.validity import valid_cells
 
 RESOLUTION, SHAPE = 0.02, (13, 11)
 valid = jax.jit(valid_cells, static_argnums=(1, 2))
