@@ -4,9 +4,10 @@ import contextlib
 import json
 import math
 import os
+import stat
 from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from jaxleg.conventions import InputError
 
@@ -52,6 +53,15 @@ def check_writable(path: str | Path) -> None:
         part.unlink()
 
 
+def open_file(path: str | Path) -> BinaryIO:
+    """A file to be read. Raises `InputError` for what cannot be opened, or is none: to open a pipe would wait for ever."""
+    with refusal(path, "read"):
+        mode = os.stat(_name(path, "read")).st_mode
+        if not stat.S_ISREG(mode):
+            raise InputError(f"{path}: cannot be read: it is a {'folder' if stat.S_ISDIR(mode) else 'device or a pipe'}")
+        return Path(path).open("rb")
+
+
 @contextlib.contextmanager
 def refusal(path: str | Path, done: str) -> Generator[None]:
     """What the system refuses becomes an `InputError`: "{path}: cannot be {done}: ..."."""
@@ -63,9 +73,7 @@ def refusal(path: str | Path, done: str) -> Generator[None]:
 
 def _target(path: str | Path) -> tuple[Path, Path]:
     """The file that is meant, its folder made, and where it is written at first."""
-    if "\0" in str(path):
-        raise InputError(f"{str(path)!r}: cannot be written: a name holds no null character")
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(_name(path, "written")))
     if target.is_dir():
         raise InputError(f"{path}: cannot be written: it is a folder")
     if target.exists() and not target.is_file():
@@ -73,3 +81,9 @@ def _target(path: str | Path) -> tuple[Path, Path]:
     with contextlib.suppress(FileExistsError):  # a file in the way; to open one below it says so better
         target.parent.mkdir(parents=True, exist_ok=True)
     return target, target.with_name(f".{os.getpid()}.{target.name}")
+
+
+def _name(path: str | Path, done: str) -> str | Path:
+    if "\0" in str(path):
+        raise InputError(f"{str(path)!r}: cannot be {done}: a name holds no null character")
+    return path

@@ -6,7 +6,6 @@ wanted before any of its data is unpacked; only what is wanted is read, at most 
 
 import contextlib
 import os
-import stat
 import zipfile
 from collections.abc import Generator, Mapping
 from pathlib import Path
@@ -17,7 +16,7 @@ from numpy.lib import format as npy
 from numpy.typing import ArrayLike
 
 from jaxleg.conventions import InputError
-from jaxleg.files import replace_whole
+from jaxleg.files import open_file, replace_whole
 
 LARGEST = 25_000_000  # numbers in all arrays together: a map of 5000 x 5000 cells, 0.2 GB
 LONGEST = 1_000_000  # characters of a text
@@ -71,11 +70,8 @@ def _reading(path: Path, key: str = "") -> Generator[None]:
 
 
 def _open(path: Path) -> zipfile.ZipFile:
-    """The archive, if it is a file (to open a pipe would wait for ever) with a table of contents as long as one of arrays."""
-    mode = os.stat(path).st_mode
-    if not stat.S_ISREG(mode):
-        raise InputError(f"{path}: cannot be read: it is a {'folder' if stat.S_ISDIR(mode) else 'device or a pipe'}")
-    with path.open("rb") as file:
+    """The archive, if its table of contents is of a size that a list of arrays may have."""
+    with open_file(path) as file:
         file.seek(-min(_TAIL, file.seek(0, os.SEEK_END)), os.SEEK_END)
         tail = file.read()
     end = tail[tail.rfind(b"PK\5\6") :]  # the zip format's end record: the size of the table stands at byte 12
