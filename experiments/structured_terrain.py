@@ -45,7 +45,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     study, lab = setup()
     count = 32 if quick else TERRAINS
     base = navigator_of(study, lab.robot, GAIT, GRID.resolution)
-    grounds = over_lanes(functools.partial(ground, base), *layout(count, MOST))(maps(count))
+    grounds = over_lanes(base.site, *layout(count, MOST))(maps(count))
     series = {f"depth {depth}": searched(base, grounds, depth) for depth in DEPTHS}
     series["depth 4, nothing pruned"] = searched(base, grounds, 4, prune=False)
     rows = {name: row(found) for name, found in series.items()}
@@ -78,11 +78,6 @@ class Outcome(NamedTuple):
     states: Standing
     count: Int[Array, ""]
     visited: Int[Array, ""]
-
-
-def ground(navigator: Navigator, height: HeightMap) -> Site:
-    """What the search looks at, but the cost of its footholds."""
-    return Site(height, navigator.valid(height), navigator.obstacles(height))
 
 
 def without_cost(site: Site) -> Site:

@@ -4,9 +4,10 @@ import contextlib
 import json
 import math
 import os
+import stat
 from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from jaxleg.conventions import InputError
 
@@ -17,9 +18,8 @@ def replace_whole(path: str | Path, write: Callable[[Path], object]) -> None:
     Whatever happens, the earlier file or the new one is there, whole. Missing parent folders are made, a link is followed.
     Raises `InputError`, "{path}: cannot be written: ...", where the place or the disk does not allow it.
     """
-    with _refusal(path):
-        target = _target(path)
-        part = target.with_name(f".{os.getpid()}.{target.name}")
+    with refusal(path, "written"):
+        target, part = _target(path)
         try:
             write(part)
             os.replace(part, target)
@@ -47,30 +47,43 @@ def plain(value: Any) -> Any:
 
 def check_writable(path: str | Path) -> None:
     """Raises `InputError` where `replace_whole` would find no place for a file: to be asked before long work."""
-    with _refusal(path):
-        target = _target(path)
-        part = target.with_name(f".{os.getpid()}.{target.name}")
+    with refusal(path, "written"):
+        _, part = _target(path)
         part.touch()
         part.unlink()
 
 
+def open_file(path: str | Path) -> BinaryIO:
+    """A file to be read. Raises `InputError` for what cannot be opened, or is none: to open a pipe would wait for ever."""
+    with refusal(path, "read"):
+        mode = os.stat(_name(path, "read")).st_mode
+        if not stat.S_ISREG(mode):
+            raise InputError(f"{path}: cannot be read: it is a {'folder' if stat.S_ISDIR(mode) else 'device or a pipe'}")
+        return Path(path).open("rb")
+
+
 @contextlib.contextmanager
-def _refusal(path: str | Path) -> Generator[None]:
+def refusal(path: str | Path, done: str) -> Generator[None]:
+    """What the system refuses becomes an `InputError`: "{path}: cannot be {done}: ..."."""
     try:
         yield
     except (OSError, UnicodeError) as error:  # UnicodeError: a text that UTF-8 cannot hold
-        raise InputError(f"{path}: cannot be written: {getattr(error, 'strerror', None) or error}") from error
+        raise InputError(f"{path}: cannot be {done}: {getattr(error, 'strerror', None) or error}") from error
 
 
-def _target(path: str | Path) -> Path:
-    """The file that is meant, its folder made."""
-    if "\0" in str(path):
-        raise InputError(f"{str(path)!r}: cannot be written: a name holds no null character")
-    target = Path(os.path.realpath(path))
+def _target(path: str | Path) -> tuple[Path, Path]:
+    """The file that is meant, its folder made, and where it is written at first."""
+    target = Path(os.path.realpath(_name(path, "written")))
     if target.is_dir():
         raise InputError(f"{path}: cannot be written: it is a folder")
     if target.exists() and not target.is_file():
         raise InputError(f"{path}: cannot be written: it is a device or a pipe")
     with contextlib.suppress(FileExistsError):  # a file in the way; to open one below it says so better
         target.parent.mkdir(parents=True, exist_ok=True)
-    return target
+    return target, target.with_name(f".{os.getpid()}.{target.name}")
+
+
+def _name(path: str | Path, done: str) -> str | Path:
+    if "\0" in str(path):
+        raise InputError(f"{str(path)!r}: cannot be {done}: a name holds no null character")
+    return path

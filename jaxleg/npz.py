@@ -4,10 +4,10 @@ Nothing of a file is believed before it is checked: an array's type and shape ar
 wanted before any of its data is unpacked; only what is wanted is read, at most `LARGEST` numbers and `LONGEST` characters.
 """
 
+import contextlib
 import os
-import stat
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -16,13 +16,14 @@ from numpy.lib import format as npy
 from numpy.typing import ArrayLike
 
 from jaxleg.conventions import InputError
-from jaxleg.files import replace_whole
+from jaxleg.files import open_file, replace_whole
 
 LARGEST = 25_000_000  # numbers in all arrays together: a map of 5000 x 5000 cells, 0.2 GB
 LONGEST = 1_000_000  # characters of a text
 _KINDS = {"numbers": "fiu", "booleans": "b", "a text": "U"}  # dtype.kind; not complex, not times, not objects
 _TAIL, _CONTENTS = 65_557, 1_000_000  # bytes: where an archive's end record may stand, and most of its table of contents
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # what numpy writes
+Header = tuple[tuple[int, ...], np.dtype]  # the shape and the type that an array's header declares
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
@@ -34,24 +35,14 @@ class Layout(NamedTuple):
     optional: bool = False
 
 
-class _Header(NamedTuple):
-    """What an array's header declares."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype
-
-
 def read_npz(path: str | Path, layouts: Mapping[str, Layout], about: str) -> dict[str, Any]:
     """Read the arrays of `layouts`: numbers as float64, booleans as bool, a text as str; an optional one may be left out.
 
     Raises `InputError`, one sentence that names the file (and the key), whatever is wrong; `about` ends that of a missing key.
     """
     path = Path(path)
-    _check_file(path)
-    try:
+    with _reading(path):
         archive = _open(path)
-    except Exception as error:  # what the parsers of zip, npy and their codecs raise on damaged files is not documented
-        raise _unreadable(path, error) from error
     with archive:
         present = _members(path, archive, layouts)
         for key in layouts:
@@ -62,19 +53,25 @@ def read_npz(path: str | Path, layouts: Mapping[str, Layout], about: str) -> dic
         return {key: _data(path, archive, key, member, layouts[key]) for key, member in present.items()}
 
 
-def _check_file(path: Path) -> None:
-    """Raises `InputError` for what is no file: to open a pipe would wait for ever."""
+@contextlib.contextmanager
+def _reading(path: Path, key: str = "") -> Generator[None]:
+    """Whatever is raised is said in a sentence: what the parsers of zip, npy and their codecs raise is not documented."""
     try:
-        mode = os.stat(path).st_mode
-    except (OSError, ValueError) as error:
-        raise _unreadable(path, error) from error
-    if not stat.S_ISREG(mode):
-        raise InputError(f"{path}: cannot be read: it is a {'folder' if stat.S_ISDIR(mode) else 'device or a pipe'}")
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        reason = "it is damaged or holds no plain array" if key else "it is not a .npz file of plain arrays"
+        if isinstance(error, MemoryError):
+            reason = "it does not fit into memory"
+        elif isinstance(error, OSError) and not key:
+            reason = error.strerror or reason
+        raise InputError(f"{path}: {key}{' ' if key else ''}cannot be read: {reason}") from error
 
 
 def _open(path: Path) -> zipfile.ZipFile:
     """The archive, if its table of contents is of a size that a list of arrays may have."""
-    with path.open("rb") as file:
+    with open_file(path) as file:
         file.seek(-min(_TAIL, file.seek(0, os.SEEK_END)), os.SEEK_END)
         tail = file.read()
     end = tail[tail.rfind(b"PK\5\6") :]  # the zip format's end record: the size of the table stands at byte 12
@@ -100,16 +97,13 @@ def _members(path: Path, archive: zipfile.ZipFile, layouts: Mapping[str, Layout]
     return found
 
 
-def _header(path: Path, archive: zipfile.ZipFile, key: str, member: zipfile.ZipInfo) -> _Header:
-    try:
-        with archive.open(member) as stream:
-            shape, _, dtype = _HEADERS[npy.read_magic(stream)](stream)
-    except Exception as error:
-        raise _unreadable(path, error, key) from error
-    return _Header(shape, dtype)
+def _header(path: Path, archive: zipfile.ZipFile, key: str, member: zipfile.ZipInfo) -> Header:
+    with _reading(path, key), archive.open(member) as stream:
+        shape, _, dtype = _HEADERS[npy.read_magic(stream)](stream)
+    return shape, dtype
 
 
-def _check_shapes(path: Path, headers: Mapping[str, _Header], layouts: Mapping[str, Layout]) -> None:
+def _check_shapes(path: Path, headers: Mapping[str, Header], layouts: Mapping[str, Layout]) -> None:
     lengths: dict[str, int] = {}
     total = 0
     for key, (shape, dtype) in headers.items():
@@ -126,26 +120,11 @@ def _check_shapes(path: Path, headers: Mapping[str, _Header], layouts: Mapping[s
 
 
 def _data(path: Path, archive: zipfile.ZipFile, key: str, member: zipfile.ZipInfo, layout: Layout) -> Any:
-    try:
-        with archive.open(member) as stream:
-            value = npy.read_array(stream, allow_pickle=False)
-            if stream.read(1):  # to meet the end is also what makes zipfile compare the checksum
-                raise ValueError("it goes on behind its array")
-            if layout.kind == "a text":
-                return str(value)
-            with np.errstate(over="ignore"):
-                return value.astype(np.float64 if layout.kind == "numbers" else bool, copy=False)
-    except Exception as error:
-        raise _unreadable(path, error, key) from error
-
-
-def _unreadable(path: Path, error: Exception, key: str = "") -> InputError:
-    reason = "it is damaged or holds no plain array" if key else "it is not a .npz file of plain arrays"
-    if isinstance(error, MemoryError):
-        reason = "it does not fit into memory"
-    elif isinstance(error, OSError) and not key:
-        reason = error.strerror or reason
-    return InputError(f"{path}: {key}{' ' if key else ''}cannot be read: {reason}")
+    with _reading(path, key), archive.open(member) as stream, np.errstate(over="ignore"):
+        value = npy.read_array(stream, allow_pickle=False)
+        if stream.read(1):  # to meet the end is also what makes zipfile compare the checksum
+            raise ValueError("it goes on behind its array")
+        return str(value) if layout.kind == "a text" else value.astype(float if layout.kind == "numbers" else bool, copy=False)
 
 
 def _words(layout: Layout, lengths: Mapping[str, int]) -> str:

@@ -27,7 +27,7 @@ from typing import Any, Literal, TypeVar
 import tomli_w
 
 from jaxleg.conventions import InputError
-from jaxleg.files import replace_whole
+from jaxleg.files import open_file, refusal, replace_whole
 
 T = TypeVar("T")
 _TYPES = {float: (int, float), int: int, bool: bool, str: str}  # what may stand for each
@@ -64,28 +64,16 @@ def setting(
 
 def load(cls: type[T], path: str | Path) -> T:
     """Read a `cls` from a TOML file. Raises `InputError` if it cannot be read, is not TOML, or as `build`."""
-    try:
-        with _regular(Path(path)).open("rb") as file:
-            text = file.read(LONGEST + 1).decode("utf-8-sig")  # an editor's byte order mark is no part of it
-        if len(text) > LONGEST:
-            raise InputError(f"{path}: cannot be read: it is longer than {LONGEST} characters")
-    except InputError:
-        raise
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from error
+    with refusal(path, "read"), open_file(path) as file:
+        text = file.read(LONGEST + 1).decode("utf-8-sig")  # an editor's byte order mark is no part of it
+    if len(text) > LONGEST:
+        raise InputError(f"{path}: cannot be read: it is longer than {LONGEST} characters")
     try:
         table = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         words = str(error).replace("end of document", f"the end, line {len(text.splitlines())}")
         raise InputError(f"{path}: is not valid TOML: {words}") from error
     return build(cls, table, str(path))
-
-
-def _regular(path: Path) -> Path:
-    """The path, unless opening it may never come to an end."""
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise InputError(f"{path}: cannot be read: it is a device or a pipe")
-    return path
 
 
 def build(cls: type[T], table: dict[str, Any], source: str) -> T:

@@ -113,7 +113,7 @@ def test_bad_file(tmp_path: Path, text: str, parts: list[str]) -> None:
 def test_unreadable_file(tmp_path: Path) -> None:
     (tmp_path / "latin.toml").write_bytes(b'name = "\xe9"')
     assert refusal(load, Study, tmp_path / "no.toml") == f"{tmp_path}/no.toml: cannot be read: No such file or directory"
-    assert "Is a directory" in refusal(load, Study, tmp_path)
+    assert "it is a folder" in refusal(load, Study, tmp_path)
     os.mkfifo(tmp_path / "pipe.toml")
     assert "a device or a pipe" in refusal(load, Study, tmp_path / "pipe.toml")  # it would wait for ever
     (tmp_path / "long.toml").write_text("x = 1\n" * 300_000)

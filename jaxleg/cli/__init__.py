@@ -3,13 +3,15 @@
 JAX is configured here (`start.configure_jax`) and nowhere else in the package.
 """
 
+import importlib
 import os
 import sys
 
-from jaxleg.cli.start import EXIT_INPUT, EXIT_INTERRUPTED, EXIT_PIPE, USAGE, configure_jax
+from jaxleg.cli.start import EXIT_INPUT, EXIT_INTERRUPTED, EXIT_PIPE, HELP, USAGE, configure_jax
 from jaxleg.conventions import InputError
 
 __all__ = ["configure_jax", "main"]
+COMMANDS = ("search", "plan", "replay")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -33,20 +35,15 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def dispatch(arguments: list[str]) -> int:
-    """Run the command named first. Raises `InputError` for anything a user wrote that cannot be used."""
-    if not arguments or arguments[0] in ("-h", "--help"):
+    """Run the command named first, a module beside this one. Raises `InputError` for what a user wrote that cannot be used."""
+    help_asked = bool(HELP.intersection(arguments))
+    if not arguments or help_asked:
         print(USAGE)
+    if not arguments or arguments[0] in HELP:
         return 0 if arguments else EXIT_INPUT
-    if arguments[0] == "search":
-        from jaxleg.cli.search import search
-
-        return search(arguments[1:])
-    if arguments[0] == "plan":
-        from jaxleg.cli.plan import plan
-
-        return plan(arguments[1:])
-    if arguments[0] == "replay":
-        from jaxleg.cli.replay import replay
-
-        return replay(arguments[1:])
-    raise InputError(f"command line: {arguments[0]!r} is not a command; there are: search, plan, replay")
+    name, *rest = arguments
+    if name not in COMMANDS:
+        raise InputError(f"command line: {name!r} is not a command; there are: {', '.join(COMMANDS)}")
+    if help_asked and name != "search":  # which goes on to show the keys of CONFIG
+        return 0
+    return getattr(importlib.import_module(f"jaxleg.cli.{name}"), name)(rest)

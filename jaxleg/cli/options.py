@@ -1,6 +1,11 @@
 """Options of a command that are not keys of its CONFIG."""
 
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
 from jaxleg.conventions import InputError
+from jaxleg.files import check_writable
 
 
 def take(rest: list[str], name: str, count: int = 1) -> list[str] | None:
@@ -32,6 +37,30 @@ def needed(value: list[str] | None, name: str, what: str) -> list[str]:
     if value is None:
         raise InputError(f"command line: --{name} is missing; give {what}")
     return value
+
+
+def first(rest: list[str], what: str) -> str:
+    """Take what a command begins with. Raises `InputError` that `what` is missing."""
+    if not rest or rest[0].startswith("-"):
+        raise InputError(f"command line: {what}")
+    return rest.pop(0)
+
+
+def check_outputs(outputs: Mapping[str, Path | None], endings: Mapping[str, str]) -> None:
+    """Raises `InputError` for outputs, by option, that end wrongly, would replace each other or could not be written.
+
+    What is no option, as PLAN, is read.
+    """
+    paths = {name: path for name, path in outputs.items() if path}
+    for name, ending in endings.items():
+        if name in paths and paths[name].suffix.lower() != ending:
+            raise InputError(f"command line: {name} is {paths[name]}, but must end in {ending}")
+    if len({os.path.realpath(path) for path in paths.values()}) < len(paths):
+        *others, last = paths
+        alike = ", ".join(map(str, paths.values()))
+        raise InputError(f"command line: {', '.join(others)} and {last} must be different files, not {alike}")
+    for name in filter(lambda name: name.startswith("--"), paths):
+        check_writable(paths[name])
 
 
 def nothing_left(rest: list[str]) -> None:

@@ -6,11 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxleg.cli.options import needed, numbers, take
-from jaxleg.cli.start import USAGE
-from jaxleg.cli.study import read_study
+from jaxleg.cli.options import check_outputs, first, needed, numbers, take
+from jaxleg.cli.study import NO_CONFIG, read_study
 from jaxleg.conventions import InputError
-from jaxleg.files import check_writable
 
 CELLS, CELL = (200, 100), 0.04  # of a map that is made here [m]
 NEEDLESS = ("foot_offset", "skew", "shift_share", "hind_share", "lift_share")  # of a gait: paper C's planner has none
@@ -35,11 +33,7 @@ def plan(arguments: list[str]) -> int:
 
     from jaxleg.cli.planning import make
 
-    rest = list(arguments)
-    if {"-h", "--help"} & set(rest):
-        print(USAGE)
-        return 0
-    task = read(rest)
+    task = read(list(arguments))
     console = Console(width=None if Console().is_terminal else 110, highlight=False)
     for note in notes(task.study, task.kind):
         console.print(note)
@@ -55,26 +49,14 @@ def read(rest: list[str]) -> Task:
     out, figure, name = (take(rest, option) for option in ("out", "figure", "gait"))
     if not 0.0 <= difficulty <= 1.0:
         raise InputError(f"command line: --difficulty is {difficulty:g}, but must be from 0 to 1")
-    if not rest or rest[0].startswith("-"):
-        raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
-    study, file, robot = read_study(rest.pop(0), rest, "jaxleg plan CONFIG")
+    study, file, robot = read_study(first(rest, NO_CONFIG), rest, "jaxleg plan CONFIG")
     kind = gait_kind(study, name[0] if name else None, source)
     ground = find_terrain(study, source, difficulty)
     ends = {name: xy - ground.datum[:2] for name, xy in ends.items()}
     check_map_and_ends(ground, robot, study.kinds[kind].gait, ends)
-    return Task(study, file, robot, kind, ground, ends, *outputs(out, figure))
-
-
-def outputs(out: list[str] | None, figure: list[str] | None) -> tuple[Path, Path | None]:
-    """Where the plan and its picture go. Raises `InputError` where they could not be written."""
     plan_path, picture = Path(out[0] if out else "runs/plan.npz"), Path(figure[0]) if figure else None
-    if picture and picture.suffix.lower() != ".png":
-        raise InputError(f"command line: --figure is {picture}, but must end in .png")
-    if picture and picture.resolve() == plan_path.resolve():
-        raise InputError(f"command line: --out and --figure are both {picture}, but must be different files")
-    for path in filter(None, (plan_path, picture)):
-        check_writable(path)
-    return plan_path, picture
+    check_outputs({"--out": plan_path, "--figure": picture}, {"--figure": ".png"})
+    return Task(study, file, robot, kind, ground, ends, plan_path, picture)
 
 
 def gait_kind(study: Any, name: str | None, terrain: str) -> str:

@@ -1,15 +1,14 @@
 """`jaxleg replay PLAN --engine mjx or mujoco`: a plan in simulation."""
 
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jaxleg.cli.options import nothing_left, take
-from jaxleg.cli.start import EXIT_INFEASIBLE, USAGE, configure_jax
+from jaxleg.cli.options import check_outputs, first, nothing_left, take
+from jaxleg.cli.start import EXIT_INFEASIBLE, configure_jax
 from jaxleg.conventions import InputError
-from jaxleg.files import check_writable, write_json
+from jaxleg.files import write_json
 
 FRAME, SPEED = 0.5, 4.0  # between the pictures of a video [s], and how many times as fast it runs
 
@@ -17,16 +16,11 @@ FRAME, SPEED = 0.5, 4.0  # between the pictures of a video [s], and how many tim
 def replay(arguments: list[str]) -> int:
     """Simulate a plan and write `replay.json`. Exit status 1 where the robot falls or does not finish."""
     rest = list(arguments)
-    if {"-h", "--help"} & set(rest):
-        print(USAGE)
-        return 0
     engine = (take(rest, "engine") or ["mjx"])[0]
     out, video = take(rest, "out"), take(rest, "video")
     if engine not in ("mjx", "mujoco"):
         raise InputError(f"command line: --engine is {engine}, but must be mjx or mujoco")
-    if not rest or rest[0].startswith("-"):
-        raise InputError("command line: PLAN is missing; give the file that `jaxleg plan` wrote")
-    source = Path(rest.pop(0))
+    source = Path(first(rest, "PLAN is missing; give the file that `jaxleg plan` wrote"))
     nothing_left(rest)
     path, film = Path(out[0]) if out else source.parent / "replay.json", Path(video[0]) if video else None
     configure_jax()
@@ -36,7 +30,7 @@ def replay(arguments: list[str]) -> int:
     from jaxleg.walk.plan_file import load_plan
 
     file = load_plan(source)
-    check_outputs(source, path, film)
+    check_outputs({"PLAN": source, "--out": path, "--video": film}, {"--video": ".gif"})
     with Console().status(f"simulating {float(file.reference.time[-1]):.0f} s"):
         result, frames = {"mjx": replay_mjx, "mujoco": replay_mujoco}[engine](file, FRAME)
     write_json(path, result | {"plan": str(source)})
@@ -48,17 +42,6 @@ def replay(arguments: list[str]) -> int:
         animate(film, file.terrain, frames, file.robot, FRAME, speed=SPEED, goal=file.goal)
         print(f"written: {film}")
     return 0 if result["finished"] else EXIT_INFEASIBLE
-
-
-def check_outputs(source: Path, result: Path, film: Path | None) -> None:
-    """Raises `InputError` for outputs that could not be written, or would replace the plan or each other."""
-    if film and film.suffix.lower() != ".gif":
-        raise InputError(f"command line: --video is {film}, but must end in .gif")
-    paths = [source, result, *([film] if film else [])]
-    if len({os.path.realpath(path) for path in paths}) < len(paths):
-        raise InputError(f"command line: PLAN, --out and --video must be different files, not {', '.join(map(str, paths))}")
-    for path in paths[1:]:
-        check_writable(path)
 
 
 def show(result: dict[str, Any]) -> None:

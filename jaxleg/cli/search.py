@@ -5,10 +5,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from jaxleg.cli.options import take
-from jaxleg.cli.start import EXIT_INFEASIBLE, EXIT_INTERRUPTED, USAGE
-from jaxleg.cli.study import read_study
-from jaxleg.conventions import InputError
+from jaxleg.cli.options import first, take
+from jaxleg.cli.start import EXIT_INFEASIBLE, EXIT_INTERRUPTED, HELP
+from jaxleg.cli.study import NO_CONFIG, read_study
 
 
 def search(arguments: list[str]) -> int:
@@ -30,17 +29,11 @@ def show_help(overrides: list[str]) -> int:
 
 
 def split(arguments: list[str]) -> tuple[str | None, Path | None, bool, list[str]]:
-    """The config file, --out, --resume and the remaining overrides of a command line."""
-    rest, resume = list(arguments), "--resume" in arguments
-    if resume:
-        rest.remove("--resume")
-    out = take(rest, "out")
-    if {"-h", "--help"} & set(rest):
-        print(USAGE)
-    named = [] if not rest or rest[0].startswith("-") else [rest.pop(0)]
-    if not named and not {"-h", "--help"} & set(rest):
-        raise InputError("command line: CONFIG is missing; give a TOML file such as configs/quickstart.toml")
-    return named[0] if named else None, Path(out[0]) if out else None, resume, rest
+    """The config file (None where help is asked about none), --out, --resume and the remaining overrides of a command line."""
+    rest = list(arguments)
+    resume, out = take(rest, "resume", 0) is not None, take(rest, "out")
+    named = None if HELP.intersection(rest) and rest[0].startswith("-") else first(rest, NO_CONFIG)
+    return named, Path(out[0]) if out else None, resume, rest
 
 
 def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) -> int:

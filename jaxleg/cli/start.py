@@ -27,6 +27,7 @@ USAGE = """usage: jaxleg COMMAND ...
   --seed N        random seed; like any other key of CONFIG, e.g. --search.steps 20, --navigation.tree.depth 2
   --help          all keys of CONFIG with their limits: jaxleg search CONFIG --help
 """
+HELP = {"-h", "--help"}
 EXIT_INFEASIBLE, EXIT_INPUT, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 130, 141
 
 

@@ -4,6 +4,8 @@ from typing import Any
 
 from jaxleg.cli.start import configure_jax
 
+NO_CONFIG = "CONFIG is missing; give a TOML file such as configs/quickstart.toml"
+
 
 def read_study(source: str, overrides: list[str], prog: str) -> tuple[Any, Any, Any]:
     """The study of a config file with its overrides, its robot's file and its robot; JAX is configured on the way.

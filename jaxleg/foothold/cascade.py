@@ -117,7 +117,7 @@ def choose_stance(
 ) -> Footholds:
     """The cascade in its exact form, for one stance. Piecewise constant: it has no gradient, see `soft_offset`.
 
-    `nominal` (x, y) in W [m]; `valid` from `terrain.validity`. A candidate counts if its cell (the one nearest to it) is on
+    `nominal` (x, y) in W [m]; `valid` from `terrain.footing`. A candidate counts if its cell (the one nearest to it) is on
     the map, seen, valid, and of a height that the leg reaches.
     """
     seen = candidates(rectangle, terrain.resolution, extent.cells)

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxleg.leg.kinematics import LegFrames, foot_jacobian, leg_frames
+from jaxleg.leg.kinematics import LegFrames, accelerated, foot_jacobian, leg_frames
 from jaxleg.numerics import cross, dot, matmul, matvec, solve_spd6
 from jaxleg.robot import Robot
 
@@ -45,11 +45,6 @@ def centre_of_mass(robot: Robot, frames: LegFrames) -> Float[Array, "3"]:
     return moment / robot.mass
 
 
-def _accelerate(spin, spin_rate, acceleration, arm):
-    """Acceleration of a point at `arm` from a point of the same rigid body."""
-    return acceleration + cross(spin_rate, arm) + cross(spin, cross(spin, arm))
-
-
 def _newton_euler(mass, inertia, rotation, spin, spin_rate, acceleration):
     """Force and moment about the centre of mass that move one body so; `inertia` are moments in its own axes."""
     to_body = jnp.swapaxes(rotation, -1, -2)
@@ -61,16 +56,16 @@ def _newton_euler(mass, inertia, rotation, spin, spin_rate, acceleration):
 def _leg_inverse_dynamics(frames, hip, com, mass, inertia, velocity, acceleration, trunk):
     """Joint torques of one leg without contact or losses, and the wrench the trunk gives to it."""
     spin, spin_rate, linear = trunk
-    linear, origin = _accelerate(spin, spin_rate, linear, hip), jnp.zeros_like(hip)
+    linear, origin = accelerated(spin, spin_rate, linear, hip), jnp.zeros_like(hip)
     forces, moments, arms = [], [], []
     for j in range(3):
-        linear = _accelerate(spin, spin_rate, linear, frames.origin[j] - origin)
+        linear = accelerated(spin, spin_rate, linear, frames.origin[j] - origin)
         origin = frames.origin[j]
         turn = frames.axis[j] * velocity[j]
         spin_rate = spin_rate + frames.axis[j] * acceleration[j] + cross(spin, turn)
         spin = spin + turn
         arm = matvec(frames.rotation[j], com[j])
-        at_com = _accelerate(spin, spin_rate, linear, arm)
+        at_com = accelerated(spin, spin_rate, linear, arm)
         force, moment = _newton_euler(mass[j], inertia[j], frames.rotation[j], spin, spin_rate, at_com)
         forces.append(force)
         moments.append(moment)
@@ -95,7 +90,7 @@ def inverse_dynamics(robot: Robot, frames: LegFrames, motion: Motion) -> tuple[F
     )
     torque = torque + robot.rotor_inertia * motion.acceleration + robot.joint_damping * motion.velocity
     identity = jnp.eye(3, dtype=spin.dtype)
-    at_com = _accelerate(spin, spin_rate, linear, robot.trunk_com)
+    at_com = accelerated(spin, spin_rate, linear, robot.trunk_com)
     force, moment = _newton_euler(robot.trunk_mass, robot.trunk_inertia, identity, spin, spin_rate, at_com)
     moment = moment + cross(robot.trunk_com, force)
     return torque, Wrench(force + jnp.sum(wrench.force, axis=0), moment + jnp.sum(wrench.moment, axis=0))

@@ -72,8 +72,15 @@ def joint_rates(
         turn = frames.axis[j] * rates[j]
         spin_rate, spin = spin_rate + cross(spin, turn), spin + turn
         arm = end - frames.origin[j]
-        bias = bias + cross(spin_rate, arm) + cross(spin, cross(spin, arm))
+        bias = accelerated(spin, spin_rate, bias, arm)
     return rates, matvec(inverse, acceleration - bias)
+
+
+def accelerated(
+    spin: Float[Array, "*n 3"], spin_rate: Float[Array, "*n 3"], acceleration: Float[Array, "*n 3"], arm: Float[Array, "*n 3"]
+) -> Float[Array, "*n 3"]:
+    """Acceleration [m/s^2] of a point at `arm` [m] from a point of the same rigid body that turns so [rad/s, rad/s^2]."""
+    return acceleration + cross(spin_rate, arm) + cross(spin, cross(spin, arm))
 
 
 def leg_angles(

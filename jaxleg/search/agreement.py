@@ -70,6 +70,8 @@ def agreement(data: Agreement) -> dict[str, Any]:
 
     None each where fewer than three gaits can be compared.
     """
+    from scipy.stats import spearmanr  # 1 s, which only a study need pay
+
     on = data.usable
     counts = {"gaits": int(on.sum()), "falls": int(data.fell.sum())}
     if counts["gaits"] < 3:
@@ -78,12 +80,8 @@ def agreement(data: Agreement) -> dict[str, Any]:
     ours, theirs = data.proxy_gradient[on], data.simulated_gradient[on]
     cosine = np.sum(ours * theirs, axis=1) / (np.linalg.norm(ours, axis=1) * np.linalg.norm(theirs, axis=1))
     return counts | {
-        "spearman": float(np.corrcoef(_ranks(proxy), _ranks(simulated))[0, 1]),
+        "spearman": float(spearmanr(proxy, simulated).statistic),
         "gradient_cosine": float(np.median(cosine)),
         "gradient_cosine_p10": float(np.percentile(cosine, 10)),
         "bias": float(np.mean(proxy / simulated - 1.0)),
     }
-
-
-def _ranks(values: np.ndarray) -> np.ndarray:
-    return np.argsort(np.argsort(values)).astype(float)

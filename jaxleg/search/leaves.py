@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import operator
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
@@ -28,7 +29,7 @@ def read_leaves(tree: Any, names: Sequence[str]) -> Float[Array, "leaf"]:
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"
             raise InputError(f"{name!r} names no number of the planner; {hint}")
-    return jnp.stack([_get(tree, name.split(".")) for name in names])
+    return jnp.stack([operator.attrgetter(name)(tree) for name in names])
 
 
 def with_leaves(tree: Tree, names: Sequence[str], values: Float[Array, "leaf"]) -> Tree:
@@ -36,10 +37,6 @@ def with_leaves(tree: Tree, names: Sequence[str], values: Float[Array, "leaf"]) 
     for i, name in enumerate(names):
         tree = _put(tree, name.split("."), values[i])
     return tree
-
-
-def _get(tree, path):
-    return _get(getattr(tree, path[0]), path[1:]) if path else tree
 
 
 def _put(tree, path, value):

@@ -14,7 +14,6 @@ checkpoints/   <stage>/<number>; the highest number counts
 import contextlib
 import csv
 import errno
-import functools
 import io
 import json
 import logging
@@ -32,7 +31,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.conventions import InputError
-from jaxleg.files import plain, write_json
+from jaxleg.files import plain, refusal, write_json
 from jaxleg.settings import dump, load, to_table, write_whole
 
 Tree = TypeVar("Tree")
@@ -70,7 +69,7 @@ class RunFolder:
         cannot be written.
         """
         folder = cls(Path(path))
-        with _using(folder.path):
+        with refusal(folder.path, "used"):
             folder._require(tables, resume)
             folder.path.mkdir(parents=True, exist_ok=True)
             folder._take()
@@ -94,16 +93,13 @@ class RunFolder:
         Raises `InputError` if it cannot be written.
         """
         folder = self._stage_folder(stage)
-        newest = _newest(folder)
         arrays = {name: np.asarray(leaf) for name, leaf in _named_leaves(tree).items() if np.size(leaf)}
         if not arrays:
             return
-        with _using(folder):
+        with refusal(folder, "used"):
             folder.mkdir(parents=True, exist_ok=True)
-            _remove_all_but(newest, folder)  # what a killed save left
             _require_room(folder, sum(x.nbytes for x in arrays.values()))
-            _write_checkpoint(folder / str(newest + 1), arrays)
-            _remove_all_but(newest + 1, folder)
+            _write_checkpoint(folder, arrays)
 
     def load(self, stage: str, like: Tree) -> Tree | None:
         """The stage's checkpoint as a tree like `like` (of arrays or `jax.ShapeDtypeStruct`), or None.
@@ -111,13 +107,16 @@ class RunFolder:
         Raises `InputError` if it cannot be read, or its arrays differ from `like` in name, shape or type.
         """
         folder = self._stage_folder(stage)
-        if not (newest := _newest(folder)):
+        if not folder.exists():
             return None
         try:
-            with _no_log():
-                saved = _checkpointer().restore(folder / str(newest))
+            with _checkpoints(folder) as (manager, content):
+                newest = manager.latest_step()
+                saved = None if newest is None else manager.restore(newest, args=content.StandardRestore())
         except Exception as error:  # a damaged checkpoint fails in orbax in any way
             raise InputError(f"{folder}: cannot be read; delete it to run the stage again") from error
+        if saved is None:
+            return None
         leaves = _named_leaves(like)
         _require_same_arrays(saved, leaves, folder)
         restored = [_like(leaf, saved.get(name)) for name, leaf in leaves.items()]
@@ -132,7 +131,7 @@ class RunFolder:
         if key in self._written:
             return
         header = [] if self._written else [HISTORY]
-        with _using(self.history), self.history.open("a", newline="", encoding="utf-8") as file:
+        with refusal(self.history, "used"), self.history.open("a", newline="", encoding="utf-8") as file:
             csv.writer(file, lineterminator="\n").writerows([*header, plain([row[name] for name in HISTORY])])
         self._written.add(key)
 
@@ -207,21 +206,6 @@ class RunFolder:
         return self.checkpoints / quote(stage, safe="").replace(".", "%2E")  # quote leaves ".." as it is
 
 
-@contextlib.contextmanager
-def _using(path: Path) -> Generator[None, None, None]:
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"{path}: cannot be used: {error.strerror or error}") from error
-
-
-@functools.cache
-def _checkpointer() -> Any:
-    import orbax.checkpoint as ocp  # 1 s, which only a study need pay
-
-    return ocp.Checkpointer(ocp.StandardCheckpointHandler())
-
-
 def _require_room(folder: Path, size: int) -> None:
     """Orbax's threads print tracebacks of their own on a disk that fills up under them, so it is asked before."""
     needed, free = 2 * size + ROOM, shutil.disk_usage(folder).free
@@ -230,35 +214,31 @@ def _require_room(folder: Path, size: int) -> None:
 
 
 @contextlib.contextmanager
-def _no_log() -> Generator[None, None, None]:
-    """Without the tracebacks that orbax logs of errors which it also raises."""
+def _checkpoints(folder: Path) -> Generator[tuple[Any, Any], None, None]:
+    """Orbax's manager of a stage's checkpoints, the last complete one kept, and its names for what to save and restore.
+
+    Without the tracebacks that orbax logs of errors which it also raises.
+    """
+    import orbax.checkpoint as ocp  # 1 s, which only a study need pay
+
+    options = ocp.CheckpointManagerOptions(max_to_keep=1, cleanup_tmp_directories=True, enable_async_checkpointing=False)
     logger = logging.getLogger("absl")
     before, logger.disabled = logger.disabled, True
     try:
-        yield
+        with ocp.CheckpointManager(folder, options=options) as manager:
+            yield manager, ocp.args
     finally:
         logger.disabled = before
 
 
-def _write_checkpoint(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+def _write_checkpoint(folder: Path, arrays: Mapping[str, np.ndarray]) -> None:
     try:
-        with _no_log():
-            _checkpointer().save(path, arrays)
+        with _checkpoints(folder) as (manager, content):
+            manager.save((manager.latest_step() or 0) + 1, args=content.StandardSave(dict(arrays)))
     except Exception as error:  # orbax raises anything for a disk that is full, in many words
         full = os.strerror(errno.ENOSPC)
         reason = full if full in str(error) else (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
-        raise InputError(f"{path}: cannot be written: {reason}") from error
-
-
-def _newest(folder: Path) -> int:
-    """Number of the stage's last complete checkpoint (orbax renames it when it is), 0 if there is none."""
-    return max((int(path.name) for path in folder.glob("*") if re.fullmatch("[1-9][0-9]*", path.name)), default=0)
-
-
-def _remove_all_but(number: int, folder: Path) -> None:
-    for path in folder.iterdir():
-        if path.is_dir() and re.match("[0-9]", path.name) and path.name != str(number):
-            shutil.rmtree(path)
+        raise InputError(f"{folder}: cannot be written: {reason}") from error
 
 
 def _named_leaves(tree: Any) -> dict[str, Any]:

@@ -7,8 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxleg.robot import Robot
 from jaxleg.search import agreement, referees
-from jaxleg.search.config import PARAMETERS, bounds
+from jaxleg.search.config import PARAMETERS, Study, bounds
 from jaxleg.search.contest import Contest, contest
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import CONSTRAINTS, Setting
@@ -16,14 +17,16 @@ from jaxleg.search.run import CONTESTANTS, STAGES, UNBOUND, Run, contestants
 from jaxleg.search.sites import make_sites, share
 
 
+def unbound_lanes(study: Study, robot: Robot, kind: str, held_out: bool) -> Lanes:
+    """All training or held-out terrains of a kind, judged by energy alone [J/m]: no margin floor."""
+    site, bend = make_sites(study, robot, kind, held_out), np.deg2rad(study.kinds[kind].least_knee_bend_deg)
+    return Lanes(site, Setting(*(jnp.full(site.valid.shape[0], x, float) for x in (bend, UNBOUND, 1.0))))
+
+
 def held_out_lanes(state: Run, kind: str, best: np.ndarray) -> tuple[np.ndarray, Lanes]:
     """All contestants on all held-out terrains of a kind, contestant by contestant."""
-    site = make_sites(state.study, state.robot, kind, held_out=True)
-    vectors, count = contestants(state.study, kind, best), site.valid.shape[0]
-    bend = np.deg2rad(state.study.kinds[kind].least_knee_bend_deg)
-    numbers = (jnp.full(count, x, float) for x in (bend, UNBOUND, 1.0))
-    lanes = Lanes(site, Setting(*numbers)).take(np.tile(np.arange(count), len(vectors)))
-    return np.repeat(vectors, count, axis=0), lanes
+    lanes, vectors = unbound_lanes(state.study, state.robot, kind, held_out=True), contestants(state.study, kind, best)
+    return np.repeat(vectors, lanes.number, axis=0), lanes.take(np.tile(np.arange(lanes.number), len(vectors)))
 
 
 def held_out(state: Run, kind: str, best: np.ndarray) -> Contest:
@@ -66,11 +69,7 @@ def check_proxy(state: Run) -> dict[str, Any]:
         """Both engines' energies and gradients at random feasible gaits of all kinds."""
         parts = []
         for kind, count in zip(kinds, counts):
-            site = make_sites(study, state.robot, kind, held_out=False)
-            size = site.valid.shape[0]
-            bend = np.deg2rad(study.kinds[kind].least_knee_bend_deg)
-            lanes = Lanes(site, Setting(*(jnp.full(size, x, float) for x in (bend, UNBOUND, 1.0))))
-            span = bounds(study, kind, STAGES[-1])
+            lanes, span = unbound_lanes(study, state.robot, kind, held_out=False), bounds(study, kind, STAGES[-1])
             key = jax.random.fold_in(jax.random.key(study.seed), 200 + state.kinds.index(kind))
             parts.append((*agreement.random_gaits(state.lab, key, lanes, span, count), span))
         vectors = np.concatenate([part[0] for part in parts])

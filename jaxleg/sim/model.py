@@ -4,50 +4,19 @@ Ground that nobody has seen is as high as the lowest that somebody has, so that 
 (`over_unseen`), as in the batched simulation.
 """
 
+import itertools
 from typing import NamedTuple
-from xml.etree import ElementTree as xml
 
-import jax
-import jax.numpy as jnp
 import mujoco
 import numpy as np
 
 from jaxleg.conventions import LEGS
 from jaxleg.robot import Robot
 from jaxleg.robot.mjcf import FEET, LINKS, TRUNK, robot_mjcf
-from jaxleg.terrain.heightmap import HeightMap, height
+from jaxleg.terrain.heightmap import HeightMap, heights
 
 STEP = 2e-3  # [s]
 TRUNK_CONTACT = 19  # place of the trunk's contacts among the sensors: after feet (4 x 3), loads (4) and the centre of mass (3)
-
-
-def build_model(robot: Robot, terrain: HeightMap, friction: float, finer: int = 2) -> mujoco.MjModel:
-    """The robot with its actuators and sensors on a height field of the terrain, `finer` times its resolution."""
-    root = xml.fromstring(robot_mjcf(robot, feet_contact=True))
-    option = next(root.iter("option"))
-    option.attrib |= {"timestep": repr(STEP), "integrator": "implicitfast", "cone": "elliptic", "impratio": "20"}
-    xml.SubElement(option, "flag", autoreset="disable")
-    surface = surface_of(terrain, finer)
-    low = np.min(surface.height, where=np.isfinite(surface.height), initial=np.inf)
-    low = float(low) if np.isfinite(low) else 0.0
-    elevation = np.where(np.isfinite(surface.height), surface.height, low)
-    high = max(elevation.max(), low + 1e-3)
-    half = 0.5 * surface.spacing * (np.array(elevation.shape) - 1)
-    place = surface.origin + half
-    rows, columns = elevation.T.shape
-    asset = xml.SubElement(root, "asset")
-    size = f"{half[0]} {half[1]} {high - low} 0.5"
-    xml.SubElement(asset, "hfield", name="ground", nrow=str(rows), ncol=str(columns), size=size)
-    contact = {"friction": f"{friction} 0.005 0.0001", "solref": "0.004 1", "solimp": "0.95 0.99 0.001", "condim": "3"}
-    ground = {"name": "ground", "type": "hfield", "hfield": "ground", "pos": f"{place[0]} {place[1]} {low}"}
-    bits = {"contype": str(FEET | TRUNK), "conaffinity": str(FEET)}
-    xml.SubElement(next(root.iter("worldbody")), "geom", **(ground | contact | bits), priority="1")
-    for site in root.iter("site"):  # a touch sensor sees the contacts inside its site
-        site.set("size", repr(4.0 * float(robot.contact_radius)))
-    _actuators(root, robot)
-    model = mujoco.MjModel.from_xml_string(xml.tostring(root, encoding="unicode"))
-    model.hfield_data[:] = ((elevation.T - low) / (high - low)).reshape(-1)
-    return model
 
 
 class Surface(NamedTuple):
@@ -58,13 +27,47 @@ class Surface(NamedTuple):
     spacing: float  # [m]
 
 
+def build_model(robot: Robot, terrain: HeightMap, friction: float, finer: int = 2) -> mujoco.MjModel:
+    """The robot with its actuators and sensors on a height field of the terrain, `finer` times its resolution."""
+    spec = mujoco.MjSpec.from_string(robot_mjcf(robot, feet_contact=True))
+    option = spec.option
+    option.timestep, option.impratio = STEP, 20.0
+    option.integrator, option.cone = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    relief = _add_ground(spec, surface_of(terrain, finer), friction)
+    for site in spec.sites:  # a touch sensor sees the contacts inside its site
+        site.size[0] = 4.0 * float(robot.contact_radius)
+    _add_actuators(spec, robot)
+    _add_sensors(spec)
+    model = spec.compile()
+    model.hfield_data[:] = relief.reshape(-1)
+    return model
+
+
+def _add_ground(spec: mujoco.MjSpec, surface: Surface, friction: float) -> np.ndarray:
+    """Add a surface's height field; returns its heights (y, x), still to be put in, from 0 to 1."""
+    seen = np.isfinite(surface.height)
+    low = float(surface.height[seen].min()) if seen.any() else 0.0
+    elevation = np.where(seen, surface.height, low).T
+    rise = max(elevation.max() - low, 1e-3)
+    rows, columns = elevation.shape
+    half = 0.5 * surface.spacing * np.array([columns - 1, rows - 1])
+    blank = np.zeros(elevation.size)  # for the heights: compiled, they would be stretched from 0 to 1
+    spec.add_hfield(name="ground", nrow=rows, ncol=columns, size=[*half, rise, 0.5], userdata=blank)
+    contact = dict(friction=[friction, 0.005, 0.0001], solref=[0.004, 1.0], solimp=[0.95, 0.99, 0.001, 0.5, 2.0])
+    bits = dict(contype=FEET | TRUNK, conaffinity=FEET, condim=3, priority=1)
+    shape = dict(type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="ground", pos=[*(surface.origin + half), low])
+    spec.worldbody.add_geom(name="ground", **shape, **contact, **bits)
+    return (elevation - low) / rise
+
+
 def surface_of(terrain: HeightMap, finer: int = 2) -> Surface:
     """The surface on a grid `finer` times the map's."""
     origin, spacing = np.asarray(terrain.origin, float), float(terrain.resolution) / finer
     count = finer * (np.array(terrain.elevation.shape) - 1) + 1
     axes = [origin[i] + spacing * np.arange(count[i]) for i in (0, 1)]
-    points = jnp.asarray(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1), terrain.elevation.dtype)
-    return Surface(np.asarray(_heights(terrain, points), float), origin, spacing)
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return Surface(np.asarray(heights(terrain, points), float), origin, spacing)
 
 
 def over_unseen(surface: Surface, feet: np.ndarray) -> np.ndarray:
@@ -75,24 +78,21 @@ def over_unseen(surface: Surface, feet: np.ndarray) -> np.ndarray:
     return np.isnan(surface.height[cell[..., 0], cell[..., 1]])
 
 
-@jax.jit
-def _heights(terrain, points):
-    return jax.vmap(jax.vmap(height, in_axes=(None, 0)), in_axes=(None, 0))(terrain, points)
-
-
-def _actuators(root, robot: Robot) -> None:
+def _add_actuators(spec: mujoco.MjSpec, robot: Robot) -> None:
     """Joint controllers kp (q_ref - q) + kd (v_ref - v) + torque, their reference parts summed up in the control."""
-    actuator, sensor = xml.SubElement(root, "actuator"), xml.SubElement(root, "sensor")
-    numbers = [np.asarray(x) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit)]
-    for leg, name in enumerate(LEGS):
-        for j, link in enumerate(LINKS):
-            kp, kd, limit = (float(x[leg, j]) for x in numbers)
-            gains = {"biastype": "affine", "gainprm": "1 0 0", "biasprm": f"0 {-kp} {-kd}"}
-            force = {"forcelimited": "true", "forcerange": f"{-limit} {limit}"}
-            xml.SubElement(actuator, "general", joint=f"{name}_{link}", **gains, **force)
-    for name in LEGS:
-        xml.SubElement(sensor, "framepos", objtype="site", objname=f"{name}_foot")
-    for name in LEGS:
-        xml.SubElement(sensor, "touch", site=f"{name}_foot")
-    xml.SubElement(sensor, "subtreecom", body="trunk")
-    xml.SubElement(sensor, "contact", geom1="trunk", geom2="ground", data="found")
+    kind = dict(trntype=mujoco.mjtTrn.mjTRN_JOINT, biastype=mujoco.mjtBias.mjBIAS_AFFINE, forcelimited=True)
+    numbers = (np.asarray(x, float).reshape(12) for x in (robot.stiffness, robot.velocity_gain, robot.torque_limit))
+    for (name, link), kp, kd, limit in zip(itertools.product(LEGS, LINKS), *numbers):
+        actuator = spec.add_actuator(target=f"{name}_{link}", forcerange=[-limit, limit], **kind)
+        actuator.gainprm[0], actuator.biasprm[1:3] = 1.0, (-kp, -kd)
+
+
+def _add_sensors(spec: mujoco.MjSpec) -> None:
+    """Of the feet their places and the forces on them, the centre of mass, and whether the trunk meets the ground."""
+    sensor, thing = mujoco.mjtSensor, mujoco.mjtObj
+    for kind in (sensor.mjSENS_FRAMEPOS, sensor.mjSENS_TOUCH):
+        for name in LEGS:
+            spec.add_sensor(type=kind, objtype=thing.mjOBJ_SITE, objname=f"{name}_foot")
+    spec.add_sensor(type=sensor.mjSENS_SUBTREECOM, objtype=thing.mjOBJ_BODY, objname="trunk")
+    pair = dict(objtype=thing.mjOBJ_GEOM, objname="trunk", reftype=thing.mjOBJ_GEOM, refname="ground")
+    spec.add_sensor(type=sensor.mjSENS_CONTACT, intprm=[1 << mujoco.mjtConDataField.mjCONDATA_FOUND.value, 0, 1], **pair)

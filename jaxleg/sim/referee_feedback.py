@@ -55,11 +55,12 @@ def follow_all(
         yes = none.astype(bool)
         return Judged(*[none] * 6, fell=yes, over=yes, trunk=np.zeros((0, 3)), shots=np.zeros((0, 0, 19)))
     last = np.array([len(track.time) - 1 for track in references], np.int32)
-    whole = [jax.tree.map(lambda x: _held(np.asarray(x), last.max() + 1), track) for track in references]
+    whole = [jax.tree.map(lambda x: _held(np.asarray(x), int(last.max()) + 1), track) for track in references]
     tracks = jax.tree.map(lambda *x: np.stack(x), *whole)
     controllers = jax.vmap(course, in_axes=(0, 0, None))(tracks, last, jnp.asarray(PERIOD, tracks.time.dtype))
-    ticks = int(np.ceil(max(float(track.time[-1]) for track in references) / PERIOD)) + 1
-    return lockstep(robot, terrains, controllers, references, friction, ticks, frame)
+    ends = np.array([float(track.time[-1]) for track in references])
+    seen = lockstep(robot, terrains, controllers, references, friction, int(np.ceil(ends.max() / PERIOD)) + 1, frame)
+    return seen._replace(time=np.minimum(seen.time, ends))  # its last tick goes on beyond it
 
 
 def _held(rows: np.ndarray, count: int) -> np.ndarray:

@@ -1,37 +1,12 @@
 """Height maps, their generators, and where a foot may be placed."""
 
-from jaxleg.terrain.generators import (
-    KINDS,
-    Grid,
-    TerrainSettings,
-    cuboids,
-    flat,
-    fractal,
-    rough,
-    stairs,
-    terrain,
-    terrain_batch,
-    terrain_keys,
-)
-from jaxleg.terrain.heightmap import HeightMap, height, height_and_gradient, nearest_height, normal
-from jaxleg.terrain.validity import valid_cells
-
-__all__ = [
-    "KINDS",
-    "Grid",
-    "HeightMap",
-    "TerrainSettings",
-    "cuboids",
-    "flat",
-    "fractal",
-    "height",
-    "height_and_gradient",
-    "nearest_height",
-    "normal",
-    "rough",
-    "stairs",
-    "terrain",
-    "terrain_batch",
-    "terrain_keys",
-    "valid_cells",
-]
+from jaxleg.terrain.footing import valid_cells as valid_cells
+from jaxleg.terrain.generators import KINDS as KINDS
+from jaxleg.terrain.generators import Grid as Grid
+from jaxleg.terrain.generators import TerrainSettings as TerrainSettings
+from jaxleg.terrain.generators import flat as flat
+from jaxleg.terrain.generators import rough as rough
+from jaxleg.terrain.generators import stairs as stairs
+from jaxleg.terrain.generators import terrain as terrain
+from jaxleg.terrain.generators import terrain_batch as terrain_batch
+from jaxleg.terrain.heightmap import HeightMap as HeightMap

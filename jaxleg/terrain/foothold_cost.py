@@ -20,8 +20,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.conventions import HEADINGS, LEG_END, LEGS, InputError
 from jaxleg.settings import setting
-from jaxleg.terrain.features import Disc
 from jaxleg.terrain.foothold_features import FootholdFeatures, uphill
+from jaxleg.terrain.window import Disc
 
 FEATURES = tuple(f"{name}_{size}" for size in ("small", "large") for name in ("curvature", "slope", "concavity", "uphill"))
 HAND = (0.10, 0.15, 0.10, 0.05, 0.20, 0.25, 0.10, 0.05)  # our hand's weights of `FEATURES`; the paper's are lost

@@ -17,10 +17,9 @@ from jaxtyping import Array, Bool, Float
 
 from jaxleg.numerics import cross, dot, norm_safe
 from jaxleg.settings import setting
-from jaxleg.terrain.features import disc
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.principal import normal_and_variation
-from jaxleg.terrain.window import fold
+from jaxleg.terrain.window import disc, fold
 
 AROUND = 8  # points about a foothold
 BORDER = 1e-4  # [cells]: a point this far beyond the sphere is still inside; rounding decides nothing on level ground

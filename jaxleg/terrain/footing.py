@@ -1,13 +1,16 @@
-"""Where a foot may stand: the one rule of all planners. Papers A, IV.B.1 and C, 2.2 (A9)."""
+"""Where a foot may stand: the one rule of all planners. Papers A, IV.B.1 and C, 2.2 (A9). The foot is a disc, not a point."""
 
 from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float
 
 from jaxleg.terrain.features import FeatureSettings, traversability
-from jaxleg.terrain.heightmap import HeightMap
-from jaxleg.terrain.validity import steepest_side, valid_cells
+from jaxleg.terrain.heightmap import HeightMap, mean_slope
+from jaxleg.terrain.window import disc, over_disc
 
 
 class FootingRule(NamedTuple):
@@ -27,3 +30,44 @@ def footing(rule: FootingRule, foot_radius: float, resolution: float, terrain: H
     if rule.side_slope_limit_deg >= 90.0:
         return valid
     return valid & (steepest_side(terrain) <= float(np.deg2rad(rule.side_slope_limit_deg)))
+
+
+def valid_cells(
+    terrain: HeightMap,
+    resolution: float,
+    foot_radius: float,
+    slope_limit: Float[ArrayLike, ""] = 0.6,
+    edge_height: Float[ArrayLike, ""] = 0.03,
+    easy: Bool[Array, "nx ny"] | None = None,
+) -> Bool[Array, "nx ny"]:
+    """Whether a foot may stand with its centre on each cell.
+
+    Valid: the sampled surface is at most as steep as `slope_limit` [rad] there (it is not where a neighbour is unseen), and
+    no unseen cell and no edge lies within `foot_radius` [m]. An edge is a pair of neighbouring cells more than `edge_height`
+    [m] apart; it takes up both cells, so the radius is measured to the cells' borders (half a cell is added).
+    `easy` marks the cells whose traversability is high enough (A9); every cell within `foot_radius` must be. Outside the map
+    the ground goes on as at its border. An infinite elevation is unseen with an edge round it. `resolution` is the map's
+    [m per cell] and static, like the radius: they set the windows.
+    """
+    ahead, aside = _differences(terrain.elevation), _differences(terrain.elevation.T).T
+    jump = [jnp.abs(difference) > edge_height for difference in (ahead, aside)]
+    bad = ~jnp.isfinite(terrain.elevation) | jump[0][1:] | jump[0][:-1] | jump[1][:, 1:] | jump[1][:, :-1]
+    steepness = mean_slope(ahead[:-1], ahead[1:]) ** 2 + mean_slope(aside[:, :-1], aside[:, 1:]) ** 2
+    gentle = steepness <= (jnp.tan(slope_limit) * resolution) ** 2  # false for NaN
+    clear = gentle & ~over_disc(bad, False, jax.lax.bitwise_or, disc(foot_radius + 0.5 * resolution, resolution))
+    return clear if easy is None else clear & ~over_disc(~easy, False, jax.lax.bitwise_or, disc(foot_radius, resolution))
+
+
+def steepest_side(terrain: HeightMap) -> Float[Array, "nx ny"]:
+    """Slope [rad] of the steepest way from each cell's centre to one of its four neighbours; NaN if one is unseen.
+
+    The surface's own slope at a ridge is 0 though both of its sides may be steep: a foot that stands there slides off.
+    """
+    steps = [_differences(terrain.elevation), _differences(terrain.elevation.T).T]
+    sides = jnp.stack([steps[0][1:], steps[0][:-1], steps[1][:, 1:], steps[1][:, :-1]])
+    return jnp.arctan2(jnp.max(jnp.abs(sides), axis=0), terrain.resolution)
+
+
+def _differences(elevation):
+    """Height differences along axis 0 before and after each cell; 0 beyond the border."""
+    return jnp.pad(elevation[1:] - elevation[:-1], ((1, 1), (0, 0)))

@@ -126,35 +126,15 @@ def fractal(grid: Grid, key: Array, deviation: Float[ArrayLike, ""], longest: Fl
     return grid.map(jax.lax.scan(wave, jnp.zeros((grid.nx, grid.ny), float), (turn, length, phase, amplitude))[0])
 
 
-def _flat(grid, key, difficulty, settings):
-    del key, difficulty, settings
-    return flat(grid)
-
-
-def _stairs(grid, key, difficulty, settings):
-    offset = jax.random.uniform(key, (), float, 0.0, settings.run)
-    return stairs(grid, difficulty * settings.rise, settings.run, offset, settings.heading)
-
-
-def _rough(grid, key, difficulty, settings):
-    return rough(grid, key, difficulty * settings.amplitude, settings.correlation_length)
-
-
-def _cuboids(grid, key, difficulty, settings):
-    return cuboids(grid, key, settings.cuboid, difficulty * settings.cuboid_height)
-
-
-def _fractal(grid, key, difficulty, settings):
-    return fractal(grid, key, difficulty * settings.deviation, settings.longest_wave)
-
-
-# To add a kind of terrain, add its generator (grid, key, difficulty in [0, 1], settings) -> HeightMap here.
-KINDS: dict[str, Callable[..., HeightMap]] = {
-    "flat": _flat,
-    "rough": _rough,
-    "stairs": _stairs,
-    "cuboids": _cuboids,
-    "fractal": _fractal,
+# To add a kind of terrain, add its generator here: grid, key, difficulty d in [0, 1], settings.
+KINDS: dict[str, Callable[[Grid, Array, Float[ArrayLike, ""], TerrainSettings], HeightMap]] = {
+    "flat": lambda grid, key, d, settings: flat(grid),
+    "rough": lambda grid, key, d, settings: rough(grid, key, d * settings.amplitude, settings.correlation_length),
+    "stairs": lambda grid, key, d, settings: stairs(
+        grid, d * settings.rise, settings.run, jax.random.uniform(key, (), float, 0.0, settings.run), settings.heading
+    ),
+    "cuboids": lambda grid, key, d, settings: cuboids(grid, key, settings.cuboid, d * settings.cuboid_height),
+    "fractal": lambda grid, key, d, settings: fractal(grid, key, d * settings.deviation, settings.longest_wave),
 }
 
 

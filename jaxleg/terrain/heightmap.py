@@ -8,6 +8,7 @@ neighbours along grid lines (flat treads stay flat), and its second derivative e
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
 from jaxleg.numerics import of_one_rank
@@ -29,6 +30,13 @@ class HeightMap:
 def height(terrain: HeightMap, xy: Float[Array, "2"]) -> Float[Array, ""]:
     """Height of the ground at xy in W [m]; see `height_and_gradient`."""
     return height_and_gradient(terrain, xy)[0]
+
+
+@jax.jit
+def heights(terrain: HeightMap, xy: Float[ArrayLike, "*n 2"]) -> Float[Array, "*n"]:
+    """`height` at many places, in the map's precision."""
+    places = jnp.asarray(xy, terrain.elevation.dtype)
+    return jax.vmap(height, in_axes=(None, 0))(terrain, places.reshape(-1, 2)).reshape(places.shape[:-1])
 
 
 def normal(terrain: HeightMap, xy: Float[Array, "2"]) -> Float[Array, "3"]:

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxleg.terrain.features import Disc, over_disc
 from jaxleg.terrain.heightmap import HeightMap, nearest_height
+from jaxleg.terrain.window import Disc, over_disc
 
 
 class Obstacles(NamedTuple):

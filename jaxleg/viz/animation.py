@@ -1,6 +1,6 @@
 """A walk as a film: from above over the map, and from the side in a window that goes with the robot."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,14 +14,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from PIL import Image
 
-from jaxleg.conventions import LEFT_LEGS, LEGS, RIGHT_LEGS, InputError
+from jaxleg.conventions import LEFT_LEGS, RIGHT_LEGS, InputError
 from jaxleg.files import check_writable, replace_whole
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
-from jaxleg.terrain.heightmap import HeightMap
-from jaxleg.viz.gait import GROUND_LEFT, GROUND_RIGHT, _chains, _heights
-from jaxleg.viz.navigation import PATH, border, colour_bar, draw_ground, end_style
-from jaxleg.viz.style import BLACK, LEG_COLOUR, WIDTH, blank, label, legend_below
+from jaxleg.terrain.heightmap import HeightMap, heights
+from jaxleg.viz.gait import GROUND_LEFT, GROUND_RIGHT, postures
+from jaxleg.viz.ground import border, colour_bar, draw_ground
+from jaxleg.viz.navigation import PATH, end_style
+from jaxleg.viz.style import BLACK, LEG_COLOUR, WIDTH, blank, label, leg_keys, legend_below
 
 DPI = 100
 VIEW = WIDTH - 1.5  # width of the panels [inches]
@@ -34,8 +35,12 @@ PROFILE = 241  # points of the ground from the side
 COLOURS = 256  # of the film: with one palette for all frames flat areas do not flicker
 NEARLY = 249  # above this a channel is set to 255: the palette's averages leave white a little grey
 TRUNK = dict(facecolor="#c8c8c8", edgecolor=BLACK, lw=1.2, alpha=0.7)
+FOOT = dict(marker="o", markevery=[-1])  # at the end of a leg's line
 TRACK = dict(color=BLACK, lw=1.2)
 DECK = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])  # corners of the trunk, along two of its axes
+
+
+Moving = tuple[Artist, Callable[[int], object]]  # what moves, and what moves it to a frame
 
 
 class Film(NamedTuple):
@@ -81,8 +86,8 @@ def film(terrain: HeightMap, q: np.ndarray, robot: Robot) -> Film:
     """What is to be drawn of the configurations `q` (frame, 19)."""
     centre, quaternion = q[:, :3], jnp.asarray(q[:, 3:7], float)
     turn = np.asarray(jax.vmap(rotation_from_quaternion)(quaternion))
-    chain = _chains(robot, jnp.asarray(q[:, 7:].reshape(-1, 4, 3), float), jnp.asarray(centre, float), quaternion)[0]
-    chain = np.asarray(chain, float)
+    joints = jnp.asarray(q[:, 7:].reshape(-1, 4, 3), float)
+    chain = np.asarray(postures(robot, joints, jnp.asarray(centre, float), quaternion)[0], float)
     yaw = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
     ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     length, width, height = 0.5 * np.asarray(robot.trunk_size)
@@ -118,15 +123,13 @@ def _ground(terrain: HeightMap, feet: np.ndarray, centre: np.ndarray, ahead: np.
     x, y = (np.sum(away * axis[:, None], axis=-1) for axis in (ahead, left))
     aside = [[np.interp(along, x[k, legs[::-1]], y[k, legs[::-1]]) for legs in (LEFT_LEGS, RIGHT_LEGS)] for k in range(len(x))]
     points = centre[:, None, None] + along[:, None] * ahead[:, None, None] + np.array(aside)[..., None] * left[:, None, None]
-    heights = _heights(terrain, jnp.asarray(points.reshape(-1, 2), terrain.elevation.dtype))
-    return np.asarray(heights, float).reshape(points.shape[:3])
+    return np.asarray(heights(terrain, points), float)
 
 
 class Stage:
     """The figure; what moves is drawn anew over a picture of what does not, which is ten times as fast as all of it."""
 
     def __init__(self, film: Film, terrain: HeightMap, radius: float, route: np.ndarray | None, goal: np.ndarray | None):
-        self.film = film
         low, high = _in_view(film, terrain, route, goal)
         bottom, top = _heights_in_view(film)
         scale = [min(VIEW / (high - low)[0], HIGHEST / (high - low)[1]), 0.5 * VIEW / film.along[-1]]  # [inches/m]
@@ -137,7 +140,11 @@ class Stage:
         _set_above(above, terrain, low, high, route, goal)
         side.set(xlim=film.along[[0, -1]], ylim=(bottom, top), aspect="equal")
         label(side, "along the heading, from the trunk's centre [m]", "z, up [m]", "from the side")
-        self.above, self.side = _Above(above), _Side(side, max(144.0 * radius * scale[1], LEAST_FOOT))
+        box = dict(facecolor="white", alpha=0.8, edgecolor="none", pad=2.0)
+        self.caption = above.text(0.01, 0.97, "", transform=above.transAxes, va="top", fontsize=10, bbox=box)
+        self.moving = [*_above(above, film), *_side(side, film, max(144.0 * radius * scale[1], LEAST_FOOT))]
+        for artist in (self.caption, *(artist for artist, _ in self.moving)):
+            artist.set_animated(True)
         keys = _legend(route, goal)
         legend_below(self.figure, keys, -(-len(keys) // 2))
         self.canvas.draw()
@@ -146,61 +153,39 @@ class Stage:
     def shot(self, frame: int, caption: str) -> Image.Image:
         """A frame as a picture."""
         self.canvas.restore_region(self.still)
-        self.above.move(self.film, frame, caption)
-        self.side.move(self.film, frame)
-        for panel in (self.above, self.side):
-            for artist in panel.artists:
-                panel.ax.draw_artist(artist)
+        for artist, move in self.moving:
+            move(frame)
+            self.figure.draw_artist(artist)
+        self.caption.set_text(caption)
+        self.figure.draw_artist(self.caption)
         return Image.fromarray(np.asarray(self.canvas.buffer_rgba())[..., :3])
 
 
-class _Above:
-    """What moves in the view from above."""
-
-    def __init__(self, ax: Axes):
-        self.ax = ax
-        (self.track,) = ax.plot([], [], **TRACK)
-        self.deck = ax.add_patch(Polygon(np.zeros((4, 2)), **TRUNK))
-        self.legs = [ax.plot([], [], color=colour, lw=1.6, marker="o", markevery=[-1], ms=4)[0] for colour in LEG_COLOUR]
-        box = dict(facecolor="white", alpha=0.8, edgecolor="none", pad=2.0)
-        self.caption = ax.text(0.01, 0.97, "", transform=ax.transAxes, va="top", fontsize=10, bbox=box)
-        self.artists = _animated(self.track, self.deck, *self.legs, self.caption)
-
-    def move(self, film: Film, frame: int, caption: str) -> None:
-        """To a frame."""
-        self.track.set_data(*film.track[: frame + 1].T)
-        self.deck.set_xy(film.deck[frame])
-        for leg, chain in zip(self.legs, film.chain[frame]):
-            leg.set_data(*chain.T)
-        self.caption.set_text(caption)
+def _above(ax: Axes, film: Film) -> list[Moving]:
+    """What moves in the view from above, in the order of drawing."""
+    track = _line(ax, lambda k: film.track[: k + 1].T, **TRACK)
+    legs = [_line(ax, lambda k, leg=leg: film.chain[k, leg].T, color=LEG_COLOUR[leg], lw=1.6, ms=4, **FOOT) for leg in range(4)]
+    return [track, _deck(ax, film.deck), *legs]
 
 
-class _Side:
-    """What moves in the view from the side, seen from the robot's right; feet of `ms` points."""
-
-    def __init__(self, ax: Axes, ms: float):
-        self.ax = ax
-        grounds = [ax.plot([], [], **style)[0] for style in (GROUND_LEFT, GROUND_RIGHT)]
-        legs = [ax.plot([], [], color=c, lw=2.2, marker="o", markevery=[-1], ms=ms, mew=0)[0] for c in LEG_COLOUR]
-        self.deck = ax.add_patch(Polygon(np.zeros((4, 2)), **TRUNK))
-        self.grounds, self.legs = grounds, legs
-        left, right = ([legs[leg] for leg in side] for side in (LEFT_LEGS, RIGHT_LEGS))
-        self.artists = _animated(grounds[1], grounds[0], *left, self.deck, *right)
-
-    def move(self, film: Film, frame: int) -> None:
-        """To a frame."""
-        for line, height in zip(self.grounds, film.side_ground[frame]):
-            line.set_data(film.along, height)
-        for leg, chain in zip(self.legs, film.side_chain[frame]):
-            leg.set_data(*chain.T)
-        self.deck.set_xy(film.side_deck[frame])
+def _side(ax: Axes, film: Film, ms: float) -> list[Moving]:
+    """The same in the view from the side, seen from the robot's right; feet of `ms` points."""
+    styles = enumerate((GROUND_LEFT, GROUND_RIGHT))
+    near, far = (_line(ax, lambda k, s=s: (film.along, film.side_ground[k, s]), **style) for s, style in styles)
+    foot = dict(lw=2.2, ms=ms, mew=0) | FOOT
+    legs = [_line(ax, lambda k, leg=leg: film.side_chain[k, leg].T, color=LEG_COLOUR[leg], **foot) for leg in range(4)]
+    left, right = ([legs[leg] for leg in side] for side in (LEFT_LEGS, RIGHT_LEGS))
+    return [far, near, *left, _deck(ax, film.side_deck), *right]
 
 
-def _animated(*artists: Artist) -> tuple[Artist, ...]:
-    """Leave artists out of the picture of what does not move; they are drawn in this order."""
-    for artist in artists:
-        artist.set_animated(True)
-    return artists
+def _line(ax: Axes, points: Callable[[int], Iterable[np.ndarray]], **style) -> Moving:
+    (line,) = ax.plot([], [], **style)
+    return line, lambda frame: line.set_data(*points(frame))
+
+
+def _deck(ax: Axes, corners: np.ndarray) -> Moving:
+    deck = ax.add_patch(Polygon(np.zeros((4, 2)), **TRUNK))
+    return deck, lambda frame: deck.set_xy(corners[frame])
 
 
 def _in_view(film: Film, terrain: HeightMap, route, goal) -> tuple[np.ndarray, np.ndarray]:
@@ -230,8 +215,7 @@ def _set_above(ax: Axes, terrain: HeightMap, low: np.ndarray, high: np.ndarray, 
 
 
 def _legend(route, goal) -> list[Line2D]:
-    legs = [Line2D([], [], color=colour, lw=2.2, marker="o", label=leg) for leg, colour in zip(LEGS, LEG_COLOUR)]
-    keys = [*legs, Line2D([], [], **TRACK, label="trunk's track")]
+    keys = [*leg_keys(lw=2.2, marker="o"), Line2D([], [], **TRACK, label="trunk's track")]
     keys += [Line2D([], [], **PATH, label="planned path")] if route is not None else []
     keys += [Line2D([], [], marker="*", label="goal", **end_style(11.0))] if goal is not None else []
     keys += [Line2D([], [], **GROUND_LEFT, label="ground, left feet")]

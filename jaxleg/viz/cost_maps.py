@@ -7,17 +7,18 @@ from typing import NamedTuple
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from jaxleg.terrain.body_cost import BodyFeatures
 from jaxleg.terrain.cost_map import CostMap
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.viz.ground import View, border, colour_bar, span
 from jaxleg.viz.style import BLACK, BLUE, GREY, RED, blank, label, legend_below, save
 
 Paths = Sequence[tuple[str, np.ndarray]]  # label, (n, xy) in W [m]
 LINES = ((RED, "-"), (BLUE, "--"), (BLACK, ":"))
+LEAST_RANGE = 1e-3  # that the colours span at least [m or rad]
 MAP_WIDTH = {2: 3.1, 3: 1.75}  # of a panel's map [inches], by columns; the rest of it is labels
 
 
@@ -40,10 +41,10 @@ def cost_maps(
     elevation = np.asarray(terrain.elevation)
     wide = elevation.shape[0] >= elevation.shape[1]
     rows, columns = (3, 2) if wide else (2, 3)
-    extent = _extent(terrain)
+    extent = border(terrain)
     figure, axes = blank(_height(extent, rows, columns), rows, columns, sharex=True, sharey=True)
     for number, (ax, panel) in enumerate(zip(axes, _panels(elevation, features, cost, heading))):
-        _draw(figure, ax, panel, extent)
+        _draw(ax, panel, extent)
         bottom, left = number >= (rows - 1) * columns, number % columns == 0
         label(ax, "x [m]" if bottom else "", "y [m]" if left else "", panel.title)
     for ax in (axes[0], axes[-1]):
@@ -65,10 +66,10 @@ def _panels(elevation: np.ndarray, features: BodyFeatures, cost: CostMap, headin
     ]
 
 
-def _draw(figure: Figure, ax: Axes, panel: Panel, extent: tuple[float, float, float, float]) -> None:
+def _draw(ax: Axes, panel: Panel, extent: View) -> None:
     """The map with its colour bar; hatched where there is no value: unseen, or no way."""
     values = np.ma.masked_invalid(panel.values)
-    low, high = (0.0, panel.top) if panel.top is not None else _range(values)
+    low, high = (0.0, panel.top) if panel.top is not None else span(values.compressed(), LEAST_RANGE)
     ax.add_patch(Rectangle((0, 0), 1, 1, transform=ax.transAxes, fc="white", ec=GREY, hatch="////", lw=0, zorder=-1))
     image = ax.imshow(
         values.T,
@@ -79,8 +80,7 @@ def _draw(figure: Figure, ax: Axes, panel: Panel, extent: tuple[float, float, fl
         vmax=high,
     )
     ax.set_aspect("equal")
-    bar = figure.colorbar(image, cax=ax.inset_axes((1.03, 0.0, 0.04, 1.0)))  # as high as the map
-    bar.ax.tick_params(labelsize=8)
+    colour_bar(ax, image, "")
 
 
 def _draw_paths(ax: Axes, paths: Paths) -> None:
@@ -90,21 +90,6 @@ def _draw_paths(ax: Axes, paths: Paths) -> None:
         ax.plot(*np.asarray(xy)[[0, -1]].T, "o", color=colour, ms=4, mec="white")
 
 
-def _range(values: np.ma.MaskedArray) -> tuple[float, float]:
-    """Least and greatest value; something to spread colours over where they agree or there is none."""
-    if values.count() == 0:
-        return 0.0, 1.0
-    low, high = float(values.min()), float(values.max())
-    return low, high if high > low else low + 1e-3
-
-
-def _extent(terrain: HeightMap) -> tuple[float, float, float, float]:
-    """Borders of the outermost cells in W [m]: x, x, y, y."""
-    size, (x, y) = float(terrain.resolution), np.asarray(terrain.origin, float)
-    nx, ny = terrain.elevation.shape
-    return x - size / 2, x + (nx - 0.5) * size, y - size / 2, y + (ny - 0.5) * size
-
-
-def _height(extent: tuple[float, float, float, float], rows: int, columns: int) -> float:
+def _height(extent: View, rows: int, columns: int) -> float:
     """Of the figure [inches]."""
     return rows * (MAP_WIDTH[columns] * (extent[3] - extent[2]) / (extent[1] - extent[0]) + 0.55) + 0.5

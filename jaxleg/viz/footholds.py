@@ -10,8 +10,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection, QuadMesh
-from matplotlib.colors import LinearSegmentedColormap, ListedColormap, to_rgb
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
@@ -21,6 +20,7 @@ from jaxleg.foothold.contract import Footholds, FootholdStatus
 from jaxleg.foothold.rectangle import SearchRectangle, best_first, candidates, cells_around, extent_of, feasible_score
 from jaxleg.terrain.heightmap import nearest_cell
 from jaxleg.terrain.site import Site
+from jaxleg.viz.ground import GROUND_KEYS, HEIGHT, INVALID, draw_ground
 from jaxleg.viz.style import (
     BLACK,
     BLUE,
@@ -28,12 +28,12 @@ from jaxleg.viz.style import (
     GREY,
     LEG_COLOUR,
     ORANGE,
-    PURPLE,
     RED,
     SKY,
     WIDTH,
     blank,
     label,
+    leg_keys,
     legend_below,
     save,
 )
@@ -45,10 +45,7 @@ MEANING = {
     FootholdStatus.NEAREST: "nearest: the leg's own nearest cell",
     FootholdStatus.NONE: "none: no foothold found",
 }
-GROUND = LinearSegmentedColormap.from_list("ground", ["#5a5a5a", "#f0f0f0"])  # neither end hides what is drawn on it
-LEAST_RANGE = 0.05  # heights [m] that the greys span at least: level ground has no shades
 MARGIN = 0.06  # drawn round the rectangles [m]
-UNSEEN = dict(facecolor="white", edgecolor=GREY, hatch="//////", linewidth=0.0)
 FORWARD, LEFT = "x [m]", "y [m]"
 
 
@@ -209,7 +206,7 @@ def _cascade_legend() -> list:
 
 
 def draw_footholds(planned: Planned, path: str | Path) -> None:
-    """Footholds of a walk on a map, a panel a cycle: the ground in grey, cells that are no footholds tinted.
+    """Footholds of a walk on a map, a panel a cycle: the ground in colours, cells that are no footholds tinted.
 
     A cell out of a leg's reach is not tinted: reach is the leg's affair, not the cell's.
     """
@@ -217,14 +214,13 @@ def draw_footholds(planned: Planned, path: str | Path) -> None:
     low, high = corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN
     figure, axes, across = _map_figure(len(planned.nominal), float((high - low)[1] / (high - low)[0]))
     for cycle, ax in enumerate(axes):
-        image = _draw_ground(ax, planned.site, low, high)
+        image = draw_ground(ax, planned.site.terrain, planned.site.valid, (low[0], high[0], low[1], high[1]))
         _draw_cycle(ax, planned, cycle)
-        ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         first, last = cycle == 0, cycle == len(axes) - 1
         label(ax, FORWARD if across or last else "", LEFT if not across or first else "")
         ax.set_title(_cycle_title(planned, cycle, "\n" if across else "; "), fontsize=10)
     bar = figure.colorbar(image, ax=axes, location="bottom", shrink=0.6, aspect=45, pad=0.01)
-    bar.set_label("height of the ground [m]", fontsize=9)
+    bar.set_label(HEIGHT, fontsize=9)
     legend_below(figure, _map_legend(), 3)
     save(figure, path)
 
@@ -251,38 +247,6 @@ def _corners(planned: Planned, widened: bool) -> np.ndarray:
 def _span(values: np.ndarray, margin: float) -> tuple[float, float]:
     """Limits of an axis [m] that shows all values."""
     return float(values.min() - margin), float(values.max() + margin)
-
-
-def _draw_ground(ax: Axes, site: Site, low: np.ndarray, high: np.ndarray) -> QuadMesh:
-    """The cells in view, by height; those that are no footholds tinted, unseen ones hatched; the map's border."""
-    terrain, step, origin = site.terrain, float(site.terrain.resolution), np.asarray(site.terrain.origin)
-    x, y = (origin[k] + step * np.arange(terrain.elevation.shape[k]) for k in (0, 1))
-    border = (x[0] - 0.5 * step, y[0] - 0.5 * step), x[-1] - x[0] + step, y[-1] - y[0] + step
-    part = np.ix_((x > low[0] - step) & (x < high[0] + step), (y > low[1] - step) & (y < high[1] + step))
-    x, y = x[part[0].ravel()], y[part[1].ravel()]
-    height, valid = np.asarray(terrain.elevation)[part], np.asarray(site.valid)[part]
-    seen, shown = np.isfinite(height), dict(shading="nearest", rasterized=True)
-    dark, light = _greys(height[seen])
-    image = ax.pcolormesh(x, y, np.ma.masked_invalid(height).T, cmap=GROUND, vmin=dark, vmax=light, **shown)
-    ax.pcolormesh(
-        x, y, np.ma.masked_array(np.ones_like(height), valid | ~seen).T, cmap=ListedColormap([PURPLE]), alpha=0.4, **shown
-    )
-    _hatch(ax, x, y, ~seen, step)
-    ax.add_patch(Rectangle(*border, fill=False, ec=BLACK, lw=0.8))
-    return image
-
-
-def _greys(heights: np.ndarray) -> tuple[float, float]:
-    """Heights [m] of the darkest and the lightest grey: the seen ones, or a little above where they hardly vary."""
-    lowest = float(heights.min()) if heights.size else 0.0
-    return lowest, max(float(heights.max(initial=lowest)), lowest + LEAST_RANGE)
-
-
-def _hatch(ax: Axes, x: np.ndarray, y: np.ndarray, unseen: np.ndarray, step: float) -> None:
-    """Hatch the unseen cells (nx, ny) of side `step` [m] with centres x, y [m]."""
-    i, j = np.nonzero(unseen)
-    square = 0.5 * step * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    ax.add_collection(PolyCollection(list(np.stack([x[i], y[j]], axis=-1)[:, None] + square), **UNSEEN))
 
 
 def _draw_cycle(ax: Axes, planned: Planned, cycle: int) -> None:
@@ -327,13 +291,9 @@ def _way(ahead: float, left: float) -> str:
 
 def _map_legend() -> list:
     """Keys of the map: legs, statuses, what is drawn round them."""
-    legs = [Line2D([], [], ls="", marker="o", color=colour, label=leg) for leg, colour in zip(LEGS, LEG_COLOUR)]
     kinds = [Line2D([], [], ls="", marker=MARKER[s], color="white", mec=BLACK, label=MEANING[s]) for s in FootholdStatus]
     nominal = Line2D([], [], color=BLACK, lw=0.8, ls="--", marker="o", ms=5, mfc="white", label="nominal stance, heading")
     boxes = [Line2D([], [], color=BLACK, lw=1.4, label="search rectangle")]
     boxes.append(Line2D([], [], color=BLACK, lw=1.4, ls=":", label="lengthened, where searched"))
-    ground = [
-        Patch(fc=PURPLE, alpha=0.4, label="no foothold: steep, rough, near\nan edge or an unseen cell"),
-        Patch(**UNSEEN, label="unseen"),
-    ]
-    return [*legs, nominal, *kinds, *boxes, *ground]
+    invalid = Patch(**INVALID, label="no foothold: steep, rough, near\nan edge or an unseen cell")
+    return [*leg_keys(ls="", marker="o"), nominal, *kinds, *boxes, invalid, GROUND_KEYS[1]]

@@ -11,14 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
-from jaxleg.conventions import LEFT_LEGS, LEGS, RIGHT_LEGS, RING
+from jaxleg.conventions import LEFT_LEGS, RIGHT_LEGS, RING
 from jaxleg.gait.order import PHASES
 from jaxleg.leg.dynamics import all_leg_frames, centre_of_mass
 from jaxleg.numerics import matvec
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
-from jaxleg.terrain.heightmap import HeightMap, height
-from jaxleg.viz.style import BLACK, LEG_COLOUR, PURPLE, WIDTH, blank, label, legend_below, save
+from jaxleg.terrain.heightmap import HeightMap, heights
+from jaxleg.viz.ground import HEIGHT, View, draw_ground, heights_in
+from jaxleg.viz.style import BLACK, LEG_COLOUR, PURPLE, WIDTH, blank, label, leg_keys, legend_below, save
 from jaxleg.walk.data import Reference, Walk
 
 MARGIN = np.array([0.10, 0.06, 0.05])  # drawn round the walk in x, y, z [m]
@@ -43,33 +44,28 @@ def gait(robot: Robot, walk: Walk, reference: Reference, terrain: HeightMap, pat
     """
     walk = jax.tree.map(np.asarray, walk)
     reference = jax.tree.map(np.asarray, reference)
-    posture = _posture(robot, reference)
+    posture = Posture(*map(np.asarray, postures(robot, reference.joint_pos, reference.trunk_pos, reference.trunk_quat)))
     low, high = _extent(walk, posture)
-    ground, view = _cells_in_view(terrain, low, high)
-    level = float(np.nanmax(ground) - np.nanmin(ground)) < LEVEL
+    view = (low[0], high[0], low[1], high[1])
+    level = np.ptp(heights_in(terrain, view)) < LEVEL
     width, depth, rise = high - low
     around = 2.1 if level else 2.85  # inches for labels, legend and colour bar; the views then fill the width
     tall = around + 0.9 * WIDTH * (depth + rise) / width
     figure, (side, top) = blank(tall, rows=2, height_ratios=(rise, depth))
     _side(side, walk, reference, terrain, posture, low, high)
     if not level:
-        image = top.imshow(ground.T, origin="lower", extent=view, cmap="Greys_r", alpha=0.7)
-        bar = figure.colorbar(image, ax=top, location="bottom", shrink=0.6, aspect=40)
-        bar.set_label("height of the ground [m]")
-    _top(top, walk, reference, posture, low, high)
+        image = draw_ground(top, terrain, view=view)
+        figure.colorbar(image, ax=top, location="bottom", shrink=0.6, aspect=40).set_label(HEIGHT)
+    _top(top, walk, reference, posture, view)
     top.set_title("from above" + (", level ground" if level else ""), fontsize=11)
     legend_below(figure, _legend(), 5)
     save(figure, path)
 
 
-def _posture(robot: Robot, reference: Reference) -> Posture:
-    chain, com = _chains(robot, reference.joint_pos, reference.trunk_pos, reference.trunk_quat)
-    return Posture(np.asarray(chain), np.asarray(com))
-
-
 @jax.jit
 @functools.partial(jax.vmap, in_axes=(None, 0, 0, 0))
-def _chains(robot, angles, position, quaternion):
+def postures(robot, angles, position, quaternion):
+    """The fields of `Posture` at joint angles (t, leg, joint) [rad], places (t, xyz) [m] and quaternions (t, 4) of trunks."""
     frames = all_leg_frames(robot, angles)
     points = jnp.concatenate([frames.origin, frames.foot[:, None]], axis=1) + robot.hip_position[:, None]
     rotation = rotation_from_quaternion(quaternion)
@@ -81,36 +77,17 @@ def _extent(walk: Walk, posture: Posture) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
 
 
-def _cells_in_view(terrain: HeightMap, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
-    """Elevation of the cells in view and their outer edges (left, right, bottom, top) [m]."""
-    origin, step = np.asarray(terrain.origin), float(terrain.resolution)
-    size = np.array(terrain.elevation.shape)
-    first = np.clip(np.floor((low[:2] - origin) / step).astype(int), 0, size - 1)
-    last = np.clip(np.ceil((high[:2] - origin) / step).astype(int) + 1, first + 1, size)
-    cells = np.asarray(terrain.elevation)[first[0] : last[0], first[1] : last[1]]
-    near, far = origin + (first - 0.5) * step, origin + (last - 0.5) * step
-    return cells, (near[0], far[0], near[1], far[1])
-
-
 def _side(ax: Axes, walk: Walk, reference: Reference, terrain: HeightMap, posture: Posture, low, high):
     x = np.linspace(low[0], high[0], 300)
     for legs, style in ((RIGHT_LEGS, GROUND_RIGHT), (LEFT_LEGS, GROUND_LEFT)):
         y = float(walk.footholds[:, list(legs), 1].mean())
-        ax.plot(x, _profile(terrain, x, y), **style)
+        ax.plot(x, heights(terrain, np.stack([x, np.full_like(x, y)], axis=-1)), **style)
     _sticks(ax, walk, reference, posture)
     for leg, colour in enumerate(LEG_COLOUR):
         ax.plot(*reference.foot_pos[:, leg, ::2].T, color=colour, lw=1.0)
     ax.set_aspect("equal")
     ax.set(xlim=(low[0], high[0]), ylim=(low[2], high[2]))
     label(ax, FORWARD, "z, up [m]", "from the side, as each phase of the last cycle begins (later is darker)")
-
-
-def _profile(terrain: HeightMap, x: np.ndarray, y: float) -> np.ndarray:
-    points = jnp.asarray(np.stack([x, np.full_like(x, y)], axis=-1), terrain.elevation.dtype)
-    return np.asarray(_heights(terrain, points))
-
-
-_heights = jax.jit(jax.vmap(height, in_axes=(None, 0)))
 
 
 def _sticks(ax: Axes, walk: Walk, reference: Reference, posture: Posture) -> None:
@@ -125,7 +102,7 @@ def _sticks(ax: Axes, walk: Walk, reference: Reference, posture: Posture) -> Non
         ax.plot(*trunk[:, ::2].T, color=BLACK, alpha=strength, lw=2.5)
 
 
-def _top(ax: Axes, walk: Walk, reference: Reference, posture: Posture, low, high) -> None:
+def _top(ax: Axes, walk: Walk, reference: Reference, posture: Posture, view: View) -> None:
     for swings, feet in zip(walk.phases.swings[-PHASES:], walk.phases.feet_from[-PHASES:]):
         if swings.any():
             corners = [feet[leg, :2] for leg in RING if not swings[leg]]
@@ -136,14 +113,13 @@ def _top(ax: Axes, walk: Walk, reference: Reference, posture: Posture, low, high
     for leg, colour in enumerate(LEG_COLOUR):
         ax.plot(*walk.footholds[:, leg, :2].T, "o", color=colour, mec=BLACK, mew=0.6, ms=7)
     ax.set_aspect("equal")
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    ax.set(xlim=view[:2], ylim=view[2:])
     label(ax, FORWARD, "y, to the left [m]")
 
 
 def _legend() -> list:
-    foot = dict(marker="o", mec=BLACK, mew=0.6)
     return [
-        *(Line2D([], [], color=LEG_COLOUR[leg], label=LEGS[leg], **foot) for leg in (0, 1, 2, 3)),
+        *leg_keys(marker="o", mec=BLACK, mew=0.6),
         Line2D([], [], **GROUND_LEFT, label="ground, left feet"),
         Line2D([], [], **GROUND_RIGHT, label="ground, right feet"),
         Line2D([], [], color=BLACK, lw=1.2, ls=(0, (4, 2)), label="trunk's centre"),

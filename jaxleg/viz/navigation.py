@@ -6,30 +6,26 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, ListedColormap
-from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 from matplotlib.ticker import PercentFormatter
 
-from jaxleg.conventions import LEGS, RING
+from jaxleg.conventions import RING
 from jaxleg.gait.order import STEP_LEGS
 from jaxleg.terrain.heightmap import HeightMap
-from jaxleg.viz.style import BLACK, BLUE, GREEN, GREY, LEG_COLOUR, ORANGE, PURPLE, WIDTH, blank, label, legend_below, save
+from jaxleg.viz.ground import GROUND_KEYS, border, colour_bar, draw_ground
+from jaxleg.viz.style import BLACK, BLUE, GREEN, GREY, LEG_COLOUR, ORANGE, WIDTH, blank, label, leg_keys, legend_below, save
 from jaxleg.walk.feasible import Standing
 from jaxleg.walk.navigation import Walked
 
-EARTH = LinearSegmentedColormap.from_list("earth", ["#7d7a55", "#f7f5e6"]).with_extremes(bad=GREY)
-LEAST_RANGE = 0.05  # heights [m] that the colours span at least: level ground has no shades
-INVALID = dict(color=PURPLE, alpha=0.45)  # a hue of its own: darker would pass for lower ground
 PATH, TRUNK = dict(color=GREEN, lw=2.2), dict(color=BLACK, lw=1.3)
 STANCE, SUPPORT = dict(facecolor="none", edgecolor=BLACK, lw=2.0), dict(facecolor=BLACK, edgecolor="none", alpha=0.25)
 STEP = dict(arrowstyle="-|>", color=BLACK, lw=1.8, shrinkA=4, shrinkB=4)
 CROSS = dict(marker="X", color=BLACK, mec="white", ms=12, ls="")
+FEET = leg_keys("{} foothold", ls="", marker="o", mec="white")
 SHARES = {"path": dict(color=ORANGE, marker="s"), "walked": dict(color=BLUE, marker="o")}
 MEANING = {"path": "a body path was found", "walked": "walked to the goal"}
 VIEW = 0.9  # shown to all sides of a dead end [m]
-NORMAL = 1.96  # standard deviations either side that hold 95 %
 
 
 class Trail(NamedTuple):
@@ -81,8 +77,7 @@ def draw_walk(
     wide, high = right - left, top - bottom
     scale = min((WIDTH - 1.5) / wide, WIDTH / high)  # [inches/m]
     figure, (ax,) = blank(scale * high + 1.15)
-    image = draw_ground(ax, terrain, valid)
-    colour_bar(ax, image)
+    colour_bar(ax, draw_ground(ax, terrain, valid))
     ax.plot(*walk.path.T, color="white", lw=3.6)  # on dark ground and on light
     ax.plot(*walk.path.T, **PATH)
     ax.plot(*walk.trunk.T, **TRUNK)
@@ -90,36 +85,8 @@ def draw_walk(
     ax.plot(*walk.start, "s", **end_style())
     ax.plot(*walk.goal, "*", **end_style(13.0))
     label(ax, *(f"{axis} - {far:.0f} [m]" if far else f"{axis} [m]" for axis, far in zip("xy", datum)))
-    legend_below(figure, [*_feet_keys(), *_walk_keys(walk.simulated)], 5)
+    legend_below(figure, [*FEET, *_walk_keys(walk.simulated)], 5)
     save(figure, path)
-
-
-def draw_ground(ax: Axes, terrain: HeightMap, valid: np.ndarray | None = None) -> AxesImage:
-    """The elevation [m] as an image, unseen cells grey; seen cells that are not `valid` footholds tinted."""
-    height, place = np.asarray(terrain.elevation), dict(origin="lower", extent=border(terrain), interpolation="nearest")
-    seen = np.isfinite(height)
-    lowest = float(height[seen].min(initial=np.inf)) if seen.any() else 0.0
-    highest = max(float(height[seen].max(initial=lowest)), lowest + LEAST_RANGE)
-    image = ax.imshow(np.ma.masked_invalid(height).T, cmap=EARTH, vmin=lowest, vmax=highest, **place)
-    if valid is not None:
-        tint = np.ma.masked_array(np.ones_like(height), np.asarray(valid) | ~seen)
-        ax.imshow(tint.T, cmap=ListedColormap([INVALID["color"]]), alpha=INVALID["alpha"], **place)
-    ax.set_aspect("equal")
-    return image
-
-
-def border(terrain: HeightMap) -> tuple[float, float, float, float]:
-    """Outer edges of the outermost cells in W [m]: left, right, bottom, top."""
-    size, (x, y) = float(terrain.resolution), np.asarray(terrain.origin, float)
-    nx, ny = terrain.elevation.shape
-    return x - 0.5 * size, x + (nx - 0.5) * size, y - 0.5 * size, y + (ny - 0.5) * size
-
-
-def colour_bar(ax: Axes, image: AxesImage) -> None:
-    """The elevation's colours, as high as the map."""
-    bar = ax.figure.colorbar(image, cax=ax.inset_axes((1.02, 0.0, 0.02, 1.0)))
-    bar.set_label("height of the ground [m]", fontsize=9)
-    bar.ax.tick_params(labelsize=8)
 
 
 def _draw_feet(ax: Axes, feet: np.ndarray, ms: float) -> None:
@@ -133,28 +100,22 @@ def end_style(ms: float = 8.0) -> dict:
     return dict(color=GREEN, mec=BLACK, mew=0.8, ms=ms, ls="")
 
 
-def _feet_keys() -> list[Line2D]:
-    style = dict(ls="", marker="o", mec="white")
-    return [Line2D([], [], color=colour, label=f"{leg} foothold", **style) for leg, colour in zip(LEGS, LEG_COLOUR)]
-
-
 def _walk_keys(simulated: bool) -> list:
     return [
         Line2D([], [], **PATH, label="body path, searched"),
         Line2D([], [], **TRUNK, label="trunk, simulated" if simulated else "trunk, planned"),
         Line2D([], [], marker="s", label="start", **end_style()),
         Line2D([], [], marker="*", label="goal", **end_style(11.0)),
-        Patch(**INVALID, label="no foothold"),
-        Patch(color=GREY, label="unseen"),
+        *GROUND_KEYS,
     ]
 
 
 def wilson(hits: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends of the 95 % Wilson interval of a share, `hits` of `count` > 0."""
-    share, z = hits / count, NORMAL**2 / count
-    middle = (share + 0.5 * z) / (1.0 + z)
-    reach = NORMAL / (1.0 + z) * np.sqrt(share * (1.0 - share) / count + 0.25 * z / count)
-    return np.maximum(middle - reach, 0.0), np.minimum(middle + reach, 1.0)
+    from scipy.stats import binomtest  # 1 s, which only this picture need pay
+
+    ends = [binomtest(int(h), int(n)).proportion_ci(method="wilson") for h, n in zip(hits, count)]
+    return np.array([end.low for end in ends]), np.array([end.high for end in ends])
 
 
 def draw_success(trials: Sequence[Trials], path: str | Path, bins: int = 5) -> None:
@@ -201,7 +162,7 @@ def draw_dead_end(terrain: HeightMap, valid: np.ndarray, short: Look, long: Look
         label(ax, "x [m]", "y [m]" if look is short else "", f"looking {look.ahead} step{'s'[: look.ahead - 1]} ahead: {end}")
     axes[0].set(xlim=(centre[0] - VIEW, centre[0] + VIEW), ylim=(centre[1] - VIEW, centre[1] + VIEW))
     colour_bar(axes[1], image)
-    legend_below(figure, [*_feet_keys(), *_series_keys(steps)], 5)
+    legend_below(figure, [*FEET, *_series_keys(steps)], 5)
     save(figure, path)
 
 
@@ -227,5 +188,5 @@ def _series_keys(steps: int) -> list:
         Patch(**STANCE, label=f"stance after step {steps}"),
         Line2D([], [], **CROSS, label="finds no next state"),
         Patch(**SUPPORT, label="support of the next step"),
-        Patch(**INVALID, label="no foothold"),
+        GROUND_KEYS[0],
     ]

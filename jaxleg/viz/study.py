@@ -13,7 +13,10 @@ from jaxleg.gait.params import GaitParams
 from jaxleg.search.config import PARAMETERS, Study
 from jaxleg.search.lanes import Lab
 from jaxleg.search.sites import make_sites
-from jaxleg.viz.figures import energy, gait, history, parameters, torque_maps
+from jaxleg.viz.gait import gait
+from jaxleg.viz.results import energy
+from jaxleg.viz.search import history, parameters
+from jaxleg.viz.torque import torque_maps
 from jaxleg.walk.data import Reference, Walk
 from jaxleg.walk.reference import reference
 

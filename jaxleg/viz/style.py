@@ -9,7 +9,9 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
+from jaxleg.conventions import LEGS
 from jaxleg.files import replace_whole
 
 WIDTH = 8.0
@@ -48,6 +50,11 @@ def label(ax: Axes, x: str, y: str, title: str = "") -> None:
 def legend_below(figure: Figure, handles: list, columns: int) -> None:
     """One legend for all panels, under them."""
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, fontsize=9, frameon=False)
+
+
+def leg_keys(words: str = "{}", **style: Any) -> list[Line2D]:
+    """Keys of a legend, one a leg in its colour, whose name `words` holds."""
+    return [Line2D([], [], color=colour, label=words.format(leg), **style) for leg, colour in zip(LEGS, LEG_COLOUR)]
 
 
 def save(figure: Figure, path: str | Path) -> None:

@@ -1,5 +1,7 @@
 """Swings over a terrain profile: the foot's path, its cases, its contacts, the end interval."""
 
+import itertools
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,9 +44,10 @@ def draw_swings(pictures: list[SwingPicture], path: Path) -> None:
     for ax, picture in zip(axes, pictures, strict=False):
         _panel(ax, picture)
         ax.set_ylim(lowest, highest)
-    seen = {mode for picture in pictures for mode in picture.trace.mode}
-    handles = [Line2D([], [], color=c, label=name) for name, (c, modes) in KINDS.items() if seen & set(modes)]
-    handles.append(Line2D([], [], color=BLACK, marker="o", ls="", ms=4, label="contact"))
+    handles = [
+        *_case_keys(picture.trace for picture in pictures),
+        Line2D([], [], color=BLACK, marker="o", ls="", ms=4, label="contact"),
+    ]
     if any(picture.believed is not None for picture in pictures):
         handles.append(Line2D([], [], color=BLACK, ls="--", lw=1, label="map"))
     legend_below(figure, handles, 3)
@@ -57,13 +60,24 @@ def _panel(ax: Axes, picture: SwingPicture) -> None:
     ax.plot(picture.x, picture.ground, color=GREY, lw=1)
     if picture.believed is not None:
         ax.plot(*picture.believed, color=BLACK, lw=1, ls="--")
-    for mode, points, hit in zip(picture.trace.mode, picture.trace.point, picture.trace.hit, strict=True):
-        ax.plot(points[:, 0], points[:, 1], color=COLOUR[Mode(mode)], lw=1.6)
-        if hit:
-            ax.plot(*points[-1], marker="o", ms=4, color=BLACK)
+    _draw_way(ax, picture.trace, lw=1.6)
+    for points in itertools.compress(picture.trace.point, picture.trace.hit):
+        ax.plot(*points[-1], marker="o", ms=4, color=BLACK)
     ax.set_xlim(picture.x[0], picture.x[-1])
     ax.set_aspect("equal")
     label(ax, "x", "z", picture.title)
+
+
+def _draw_way(ax: Axes, trace: Trace, lw: float) -> None:
+    """The foot's path, each segment in its case's colour."""
+    for mode, points in zip(trace.mode, trace.point, strict=True):
+        ax.plot(*points.T, color=COLOUR[Mode(mode)], lw=lw)
+
+
+def _case_keys(traces: Iterable[Trace]) -> list[Line2D]:
+    """Keys of the cases that occur."""
+    seen = {mode for trace in traces for mode in trace.mode}
+    return [Line2D([], [], color=colour, label=name) for name, (colour, modes) in KINDS.items() if seen & set(modes)]
 
 
 def draw_course(x: np.ndarray, heights: dict[str, np.ndarray], walks: dict[str, list[Trace]], path: Path) -> None:
@@ -73,14 +87,12 @@ def draw_course(x: np.ndarray, heights: dict[str, np.ndarray], walks: dict[str, 
         ax.fill_between(x, heights["true"].min() - 5.0, heights["true"], color=PALE, lw=0)
         ax.plot(x, heights["told"], color=BLACK, lw=1, ls="--")
         for swing in swings:
-            for mode, points in zip(swing.mode, swing.point, strict=True):
-                ax.plot(points[:, 0], points[:, 1], color=COLOUR[Mode(mode)], lw=1.2)
+            _draw_way(ax, swing, lw=1.2)
         ax.set_xlim(x[0], x[-1])
         ax.set_ylim(heights["true"].min() - 3.0, heights["true"].max() + 8.0)
         label(ax, "x", "z", title)
-    seen = {mode for swings in walks.values() for swing in swings for mode in swing.mode}
-    handles = [Line2D([], [], color=c, label=name) for name, (c, modes) in KINDS.items() if seen & set(modes)]
-    legend_below(figure, [*handles, Line2D([], [], color=BLACK, ls="--", lw=1, label="what the robot was told")], 3)
+    told = Line2D([], [], color=BLACK, ls="--", lw=1, label="what the robot was told")
+    legend_below(figure, [*_case_keys(itertools.chain.from_iterable(walks.values())), told], 3)
     save(figure, path)
 
 

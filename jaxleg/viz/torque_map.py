@@ -7,19 +7,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch
 
 from jaxleg.gait.limits import leg_length
 from jaxleg.leg.kinematics import reach_for_bend
 from jaxleg.leg.statics import torque_map
 from jaxleg.leg.workspace import Workspace, cost
 from jaxleg.robot import Robot
-from jaxleg.viz.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, WIDTH, blank, label, legend_below, save
-from jaxleg.viz.torque import STEP, least_lines
+from jaxleg.viz.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, blank, label, legend_below, save
+from jaxleg.viz.torque import DOTTED, LEAST_KEYS, fill, least_lines, outline
 
 CELLS = (401, 221)
 LIMIT, CLEAR = dict(color=RED, lw=1.4), dict(color=ORANGE, lw=1.4, ls=(0, (4, 1.5, 1, 1.5)))
-DOTTED = (0, (1, 1))
 BEST = (BLUE, ORANGE, RED)  # best workspaces, in the order given
 UNIT = {"total": "sum [N m]", "square": "sum of squares [N$^2$ m$^2$]"}
 
@@ -29,15 +28,14 @@ def half_planes(branches: dict[str, Robot], force: float, workspaces: dict[str, 
 
     `workspaces` holds each branch's own workspace, filled in its map of the sum.
     """
-    figure = Figure(figsize=(WIDTH, 4.0), layout="constrained", facecolor="white")
-    axes = figure.subplots(len(branches), 3, sharex=True, sharey=True, squeeze=False)
-    for row, (name, robot) in zip(axes, branches.items()):
+    figure, axes = blank(4.0, rows=len(branches), columns=3, sharex=True, sharey=True)
+    for row, (name, robot) in zip(zip(axes[::3], axes[1::3], axes[2::3]), branches.items()):
         filled = _branch(row, robot, force)
         outline(row[2], workspaces[name], fc=GREEN, ec=BLACK, lw=0.8)
         row[0].set_ylabel(f"knee {name}\nH_COG [m]", fontsize=9)
-    for ax in axes[0]:
+    for ax in axes[:3]:
         ax.set_xlabel("")
-    for ax in axes[1:].ravel():
+    for ax in axes[3:]:
         ax.set_title("")
     figure.colorbar(filled, ax=axes, shrink=0.9, pad=0.01).set_label(f"torque under {force:.1f} N [N m]")
     legend_below(figure, _line_keys(), 3)
@@ -73,24 +71,13 @@ def best_workspaces(
     save(figure, path)
 
 
-def outline(ax: Axes, workspace: Workspace, **style) -> None:
-    """A workspace as a rectangle."""
-    x, y = float(workspace.behind), float(workspace.low)
-    size = float(workspace.ahead) - x, float(workspace.high) - y
-    ax.add_patch(Rectangle((x, y), *size, zorder=5, **style))
-
-
 def _branch(row, robot: Robot, force: float):
     leg = float(leg_length(robot))
     x, h = np.linspace(-leg, leg, CELLS[0]), np.linspace(0.002, 1.0, CELLS[1]) * leg
-    torque = torque_map(robot, jnp.asarray(x, float), jnp.asarray(h, float), force)
-    thigh, knee = (np.where(torque.reachable, np.abs(t), np.nan) for t in (torque.thigh, torque.knee))
-    levels = np.arange(0.0, np.nanmax(thigh + knee) + STEP, STEP)
-    for ax, name, values in zip(row, ("|thigh torque|", "|knee torque|", "sum of both"), (thigh, knee, thigh + knee)):
-        filled = ax.contourf(x, h, values.T, levels, cmap="Blues")
+    filled = fill(row, robot, x, h, force)
+    for ax in row:
         _limits(ax, robot, leg)
         ax.set(xlim=(-1.05 * leg, 1.05 * leg), ylim=(0.0, 1.05 * leg), aspect="equal")
-        label(ax, "foot ahead of hip, L_F2H [m]", "", name)
         ax.xaxis.label.set_size(9)
     return filled
 
@@ -138,16 +125,9 @@ def _slid(ax: Axes, slide: np.ndarray, paper: float) -> None:
     label(ax, "rear end of the workspace, L_F2H [m]", "", "slid at the paper's heights")
 
 
-def _least_keys() -> list:
-    return [
-        Line2D([], [], color=BLACK, lw=1.6, label="no thigh torque"),
-        Line2D([], [], color=BLACK, lw=1.6, ls=(0, (5, 2)), label="no knee torque"),
-    ]
-
-
 def _line_keys() -> list:
     return [
-        *_least_keys(),
+        *LEAST_KEYS,
         Line2D([], [], **LIMIT, label="end of reach"),
         Line2D([], [], **CLEAR, label="H_COG = L2, lower the knee may touch"),
         Patch(fc=GREEN, ec=BLACK, lw=0.8, label="paper A's workspace (mirrored below)"),
@@ -159,7 +139,7 @@ def _workspace_keys(names: list[str]) -> list:
     return [
         Patch(fill=False, ec=BLACK, ls=DOTTED, lw=1.8, label="paper A's workspace"),
         *keys,
-        *_least_keys(),
+        *LEAST_KEYS,
         Line2D([], [], color=GREY, lw=1.2, label="constant knee bend"),
         Patch(fc=GREEN, alpha=0.25, label="within 5 % of the least"),
     ]

@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxleg.conventions import HEADINGS, LEGS
 from jaxleg.gait.params import GaitParams
 from jaxleg.planner import Planner
-from jaxleg.posture.collision import Sizes, robot_obstacles
+from jaxleg.posture.collision import Sizes
 from jaxleg.robot.model import Robot
 from jaxleg.route.path import BodyPath, PathWeights, find_path
 from jaxleg.route.stations import Line, Stations, smoothed
@@ -22,9 +22,8 @@ from jaxleg.status import Status
 from jaxleg.terrain.cost_map import CostMap, Windows, cost_weights, total_cost
 from jaxleg.terrain.foothold_cost import foothold_cost, least_footing
 from jaxleg.terrain.foothold_features import foothold_features
-from jaxleg.terrain.footing import FootingRule, footing
+from jaxleg.terrain.footing import FootingRule
 from jaxleg.terrain.heightmap import HeightMap, nearest_cell
-from jaxleg.terrain.obstacles import Obstacles
 from jaxleg.terrain.site import Site
 from jaxleg.walk.build import build_walk
 from jaxleg.walk.choices import Choices
@@ -35,6 +34,7 @@ from jaxleg.walk.feasible import count_causes
 from jaxleg.walk.presets import paper_c
 from jaxleg.walk.proxy import checks
 from jaxleg.walk.reference import instants, last_sample, phase_samples, to_reference
+from jaxleg.walk.site import site_of
 
 
 class Survey(NamedTuple):
@@ -91,19 +91,15 @@ class Navigator:
             return jax.lax.map(lambda angle: foothold_cost(features, weights.feet, leg, angle), angles)
 
         foot = jax.lax.map(of_leg, jnp.arange(len(LEGS)))
-        site = Site(terrain, self.valid(terrain), self.obstacles(terrain), foot)
+        site = self.site(terrain)._replace(cost=foot)
         enough = least_footing(site.valid, resolution, self.windows.feet) >= self.settings.footing.least_share
         return Survey(site, cost._replace(total=jnp.where(enough, cost.total, jnp.inf)))
 
-    def valid(self, terrain: HeightMap) -> Bool[Array, "nx ny"]:
-        """Where a foot may be placed."""
+    def site(self, terrain: HeightMap) -> Site:
+        """Where a foot may be placed, and the map widened for legs and trunk."""
         rule = self.settings.footing
         limits = (rule.slope_limit_deg, rule.edge_height, rule.least_traversability, rule.side_slope_limit_deg)
-        return footing(FootingRule(*limits), float(self.robot.foot_radius), self.resolution, terrain)
-
-    def obstacles(self, terrain: HeightMap) -> Obstacles:
-        """The map widened for legs and trunk."""
-        return robot_obstacles(Sizes.of(self.robot), terrain, self.resolution)
+        return site_of(FootingRule(*limits), Sizes.of(self.robot), self.resolution, terrain)
 
     def path(self, terrain: HeightMap, cost: Float[Array, "heading nx ny"], start: Float[Array, "2"], goal: Float[Array, "2"]):
         """The body path between two points (x, y in W) [m]. Paper C, 2.3."""

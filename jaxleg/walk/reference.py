@@ -13,7 +13,7 @@ from jaxleg.conventions import GRAVITY
 from jaxleg.gait.order import SHIFT
 from jaxleg.gait.phases import Phases
 from jaxleg.leg.dynamics import Motion, all_leg_frames, centre_of_mass, torques_on_ground
-from jaxleg.leg.kinematics import joint_rates, knee_bend, range_slack
+from jaxleg.leg.kinematics import accelerated, joint_rates, knee_bend, range_slack
 from jaxleg.numerics import cross, dot, matvec
 from jaxleg.posture.body import joint_angles
 from jaxleg.robot import Robot
@@ -87,7 +87,8 @@ def instant_of(robot: Robot, at: Pose, weight: Float[Array, "leg"]) -> Instant:
     arm = robot.hip_position + frames.foot
     foot_v = matvec(to_trunk, at.feet_rate - at.trunk_rate[None, :3]) - cross(jnp.broadcast_to(spin, arm.shape), arm)
     foot_a = matvec(to_trunk, at.feet_acceleration - at.trunk_acceleration[None, :3])
-    foot_a = foot_a - jax.vmap(_moving_frame, in_axes=(None, None, 0, 0))(spin, spin_rate, arm, foot_v)
+    coriolis = 2.0 * cross(jnp.broadcast_to(spin, arm.shape), foot_v)
+    foot_a = foot_a - jax.vmap(accelerated, in_axes=(None, None, 0, 0))(spin, spin_rate, coriolis, arm)
     velocity, acceleration = jax.vmap(joint_rates)(frames, foot_v, foot_a)
     torque, force = torques_on_ground(
         robot, frames, Motion(velocity, acceleration, spin, spin_rate, felt), weight, to_trunk[:, 2]
@@ -99,11 +100,6 @@ def instant_of(robot: Robot, at: Pose, weight: Float[Array, "leg"]) -> Instant:
         *(angles, velocity, acceleration, torque, at.trunk, at.trunk_rate, at.feet),
         *(weight, load, com, bend, jnp.min(range_slack(robot.joint_range, angles), axis=-1), reach),
     )
-
-
-def _moving_frame(spin, spin_rate, arm, velocity):
-    """Acceleration of a point that moves with `velocity` in a turning frame, beyond its own acceleration there."""
-    return cross(spin_rate, arm) + cross(spin, cross(spin, arm)) + 2.0 * cross(spin, velocity)
 
 
 def _trunk_motion(pose, rate, acceleration):
@@ -154,11 +150,6 @@ def last_sample(walk: Walk, samples: tuple[int, int]) -> Int[Array, ""]:
     """The last sample of `instants` that takes part: the end of the last phase that is used."""
     ends = np.cumsum([samples[0] if leg == SHIFT else samples[1] for leg in walk.legs])
     return jnp.max(jnp.where(walk.used, jnp.asarray(ends, jnp.int32), 0))
-
-
-def samples_a_cycle(walk: Walk, samples: tuple[int, int]) -> int:
-    """Number of intervals between the samples of a cycle of four steps; `walk` holds whole cycles."""
-    return sum(samples[0] if leg == SHIFT else samples[1] for leg in walk.legs) * 4 // walk.steps
 
 
 def to_reference(time: Float[Array, "t"], at: Instant) -> Reference:

@@ -286,7 +286,7 @@ def test_unfinished_checkpoint_is_ignored_and_removed(folder: RunFolder) -> None
 
 def test_damaged_checkpoint(folder: RunFolder) -> None:
     folder.save("s", state(1))
-    (folder.checkpoints / "s" / "1" / "_METADATA").unlink()
+    (folder.checkpoints / "s" / "1" / "default" / "_METADATA").unlink()
     with pytest.raises(InputError, match=r"checkpoints/s: cannot be read; delete it"):
         folder.load("s", state())
 

@@ -14,7 +14,7 @@ from jaxleg.conventions import GRAVITY
 from jaxleg.sim.model import build_model
 from jaxleg.sim.referee import replay
 from jaxleg.sim.referee_feedback import follow_all
-from jaxleg.terrain import HeightMap, height
+from jaxleg.terrain.heightmap import HeightMap, height
 from jaxleg.walk.data import Reference
 from tests.motions import FEET, shift_and_step, sloping
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from jaxleg.terrain import Grid, HeightMap, stairs
-from jaxleg.terrain.features import FeatureSettings, disc, features, traversability
+from jaxleg.terrain.features import FeatureSettings, features, traversability
+from jaxleg.terrain.window import disc
 
 SIZE, SHAPE = 0.02, (14, 11)
 SETTINGS = FeatureSettings(critical_step=0.03)

@@ -7,7 +7,7 @@ import scipy.special
 from numpy.testing import assert_allclose
 
 from jaxleg.conventions import InputError
-from jaxleg.terrain import (
+from jaxleg.terrain.generators import (
     KINDS,
     Grid,
     TerrainSettings,

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.interpolate import PchipInterpolator
 
-from jaxleg.terrain import HeightMap, height, height_and_gradient, nearest_height, normal
+from jaxleg.terrain.heightmap import HeightMap, height, height_and_gradient, nearest_height, normal
 
 RESOLUTION, ORIGIN, SHAPE = 0.05, np.array([-0.2, 0.3]), (9, 7)
 ELEVATION = np.random.default_rng(0).normal(scale=0.05, size=SHAPE)

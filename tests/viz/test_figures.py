@@ -14,7 +14,10 @@ from jaxleg.gait.params import GaitParams
 from jaxleg.posture.body import joint_angles
 from jaxleg.robot import load_robot
 from jaxleg.terrain.generators import Grid, flat, stairs
-from jaxleg.viz import figures
+from jaxleg.viz.gait import gait
+from jaxleg.viz.results import energy
+from jaxleg.viz.search import history, parameters
+from jaxleg.viz.torque import torque_maps
 from jaxleg.walk.data import Reference
 from tests.crawls import crawl, settings
 
@@ -94,7 +97,7 @@ def test_torque_maps(robot, drawn, tmp_path):
     path = tmp_path / "new" / "torque.png"
     before = dict(hip_height=0.48, foot_offset=0.0, step_length=0.2)
     after = dict(hip_height=0.55, foot_offset=-0.05, step_length=0.12)
-    figures.torque_maps(robot, before, after, path)
+    torque_maps(robot, before, after, path)
     *maps, bar = panels(drawn, path)
     assert len(maps) == 3
     assert has_unit(bar.get_ylabel())
@@ -108,7 +111,7 @@ def test_torque_maps(robot, drawn, tmp_path):
 
 def test_energy(drawn, tmp_path):
     path = tmp_path / "energy.png"
-    figures.energy(result(), path)
+    energy(result(), path)
     flat_ax, stairs_ax = panels(drawn, path)
     assert [bar.get_width() for bar in flat_ax.patches] == list(ENERGY.values())
     assert all(bar.get_x() == 0.0 for bar in flat_ax.patches)
@@ -124,7 +127,7 @@ def test_energy_interval_of_equal_lanes(drawn, tmp_path):
     """On equal lanes the mean may lie outside its interval by rounding."""
     data = result()
     data["best"]["flat"]["energy_per_metre"]["positive"] = {"mean": 250.0, "ci95": [250.0 + 1e-9] * 2}
-    figures.energy(data, tmp_path / "energy.png")
+    energy(data, tmp_path / "energy.png")
     assert drawn
 
 
@@ -134,7 +137,7 @@ def test_a_single_terrain_has_no_interval(drawn, tmp_path):
     for row in data["best"]["flat"]["energy_per_metre"].values():
         row["ci95"] = None
     data["saving"]["mjx"] = {who: {"flat": {"positive": {"mean": 0.24, "ci95": None}}} for who in STAGES}
-    figures.energy(data, path)
+    energy(data, path)
     flat_ax, stairs_ax = panels(drawn, path)
     assert flat_ax.get_title() == "flat, 1 terrain, no interval"
     assert stairs_ax.get_title() == "stairs, 8 terrains"
@@ -153,7 +156,7 @@ def test_history(drawn, tmp_path):
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
-    figures.history(table, path)
+    history(table, path)
     axes = panels(drawn, path)
     assert [ax.get_title() for ax in axes] == ["flat", "stairs"]
     assert has_unit(axes[0].get_ylabel())
@@ -166,7 +169,7 @@ def test_history(drawn, tmp_path):
 
 def test_parameters(drawn, tmp_path):
     path = tmp_path / "parameters.png"
-    figures.parameters(result(), path)
+    parameters(result(), path)
     axes = panels(drawn, path)
     assert [label.get_text() for label in axes[0].get_yticklabels()] == ["hip height [m]", "shift share"]
     assert "knee bend" in axes[0].get_xlabel()
@@ -210,7 +213,7 @@ def planned(robot):
 def test_gait(robot, planned, make, drawn, tmp_path):
     path, terrain = tmp_path / "gait.png", jax.jit(make, static_argnums=0)(GRID)
     walk, sampled = planned(terrain)
-    figures.gait(robot, walk, sampled, terrain, path)
+    gait(robot, walk, sampled, terrain, path)
     side, top, *bar = panels(drawn, path)
     level = not np.ptp(np.asarray(terrain.elevation))
     assert len(bar) == len(top.images) == (0 if level else 1)

@@ -6,7 +6,6 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
@@ -21,6 +20,7 @@ from jaxleg.terrain.files import MapFile, save_map
 from jaxleg.terrain.site import Site
 from jaxleg.viz import footholds
 from jaxleg.viz.footholds import Planned, draw_cascade, draw_footholds, search_cells
+from jaxleg.viz.ground import LEAST_RANGE
 from jaxleg.viz.style import LEG_COLOUR, RED
 
 NOMINAL, WIDENED = FootholdStatus.NOMINAL, FootholdStatus.WIDENED
@@ -127,16 +127,26 @@ def test_a_leg_without_a_foothold_is_named(drawn, tmp_path):
     assert "NONE for RF" in drawn[0].axes[0].get_title()
 
 
-def test_unseen_cells_are_hatched_even_if_all_are(drawn, tmp_path):
-    for hole, count in (((30, slice(18, 21)), 3), ((slice(None), slice(None)), 52 * 26)):
-        draw_footholds(planned([[3] * 4], np.zeros((1, 4, 2)), hole=hole), tmp_path / "map.png")
-        hatched = [c for c in drawn[-1].axes[0].collections if isinstance(c, PolyCollection) and c.get_hatch()]
-        assert len(hatched[0].get_paths()) == count
+def test_unseen_cells_are_left_out_even_if_all_are(drawn, tmp_path):
+    for hole in ((30, slice(18, 21)), (slice(None), slice(None))):
+        shown = planned([[3] * 4], np.zeros((1, 4, 2)), hole=hole)
+        draw_footholds(shown, tmp_path / "map.png")
+        left_out = np.ma.getmaskarray(drawn[-1].axes[0].images[0].get_array()).T
+        np.testing.assert_array_equal(left_out, np.isnan(shown.site.terrain.elevation))
 
 
-def test_level_ground_has_one_grey_and_a_scale(drawn, tmp_path):
+def test_what_is_out_of_view_does_not_share_out_the_colours(drawn, tmp_path):
+    shown = planned([[0] * 4], np.zeros((1, 4, 2)))
+    elevation = np.full((GRID.nx, GRID.ny), 0.02)
+    elevation[0], elevation[30, 20] = 5.0, 0.12
+    draw_footholds(shown._replace(site=shown.site._replace(terrain=GRID.map(jnp.asarray(elevation)))), tmp_path / "map.png")
+    np.testing.assert_allclose(drawn[0].axes[0].images[0].get_clim(), (0.02, 0.12))
+    assert drawn[0].axes[0].get_xlim()[0] > GRID.origin[0] + 0.5 * GRID.resolution
+
+
+def test_level_ground_has_one_colour_and_a_scale(drawn, tmp_path):
     draw_footholds(planned([[0] * 4], np.zeros((1, 4, 2))), tmp_path / "map.png")
-    assert drawn[0].axes[0].collections[0].get_clim() == (0.0, footholds.LEAST_RANGE)
+    assert drawn[0].axes[0].images[0].get_clim() == (0.0, LEAST_RANGE)
 
 
 def saved(path, cells, resolution):

@@ -8,7 +8,7 @@ import pytest
 from jaxleg.gait.support import overlap_incentre
 from jaxleg.posture.body import com_offset, joint_angles
 from jaxleg.posture.incentre import held_heights
-from jaxleg.terrain import height
+from jaxleg.terrain.heightmap import height
 from jaxleg.walk.trajectory import foot_path, trunk_path
 from tests.crawls import gait, settings, terrain_of, way_points
 

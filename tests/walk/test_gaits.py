@@ -43,7 +43,7 @@ def cause(navigator, pegasus):
 
     @jax.jit
     def run(elevation, target, adjust, moved):
-        ground = navigator.obstacles(terrain_of(elevation))
+        ground = navigator.site(terrain_of(elevation)).obstacles
         feet, plan, yaw = jnp.asarray(FEET), navigator.planner, jnp.array(0.0)
         start = plan.posture.stand(pegasus, plan.gait, feet, yaw)
         pose = plan.posture.swing(pegasus, plan.gait, feet, feet.at[LEG].set(target), jnp.array(LEG), adjust, yaw) + moved
@@ -84,7 +84,7 @@ def test_weak_motors_and_a_foot_that_would_have_to_pull_are_causes(navigator, pe
 
     @jax.jit
     def why(robot, aside):
-        ground = navigator.obstacles(terrain_of(LEVEL))
+        ground = navigator.site(terrain_of(LEVEL)).obstacles
         start = plan.posture.stand(robot, plan.gait, feet, yaw)
         after = feet.at[LEG].set(TARGET)
         pose = plan.posture.swing(robot, plan.gait, feet, after, leg, jnp.zeros(3), yaw).at[1].add(aside)
@@ -133,7 +133,7 @@ def swung(navigator, pegasus):
     @jax.jit
     def run(elevation, start, end, shares):
         plan = navigator.planner
-        apex = plan.swing.flight(pegasus, plan.gait, navigator.obstacles(terrain_of(elevation)), start, end).apex
+        apex = plan.swing.flight(pegasus, plan.gait, navigator.site(terrain_of(elevation)).obstacles, start, end).apex
         return apex, jax.vmap(lambda s: swing_foot(start, end, apex, s, plan.gait.lift_share))(shares)
 
     return run

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from jaxleg.terrain import HeightMap, height_and_gradient, valid_cells
+from jaxleg.terrain.footing import valid_cells
+from jaxleg.terrain.heightmap import HeightMap, height_and_gradient
 
 RESOLUTION, SHAPE = 0.02, (13, 11)
 valid = jax.jit(valid_cells, static_argnums=(1, 2))
