@@ -1,5 +1,7 @@
 # The front door: `import jaxleg as jl`. One line a name; `lazy_loader` reads this file and loads modules on demand.
 from .batch import over_lanes as over_lanes
+from .control.swing_leg import feeling as feeling
+from .control.swing_leg import reflexes as reflexes
 from .conventions import InputError as InputError
 from .foothold.cascade import Cascade as Cascade
 from .foothold.ranked import Ranked as Ranked
@@ -32,10 +34,12 @@ from .series.kinds import Greedy as Greedy
 from .series.kinds import Tree as Tree
 from .sim.contact import Ground as Ground
 from .sim.engine import mjx_engine as mjx_engine
+from .sim.reactive import walk_reactively as walk_reactively
 from .sim.rollout import record as record
 from .sim.rollout import simulate as simulate
 from .status import Status as Status
 from .swing.clearance import Cycloid as Cycloid
+from .swing.taut import Taut as Taut
 from .terrain import KINDS as KINDS
 from .terrain import Grid as Grid
 from .terrain import HeightMap as HeightMap
