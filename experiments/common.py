@@ -6,17 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
-import numpy as np
 
 from jaxleg.about import about
 from jaxleg.cli import configure_jax
 from jaxleg.files import write_json
 from jaxleg.robot import load_robot
 from jaxleg.search.config import Study, robot_path
+from jaxleg.search.contestants import contestant
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import Lab, Setting
-from jaxleg.search.run import UNBOUND, make_lab
+from jaxleg.search.lanes import Lab, settings_of
+from jaxleg.search.run import make_lab
 from jaxleg.search.sites import make_sites
 from jaxleg.settings import load
 
@@ -33,9 +32,7 @@ def setup() -> tuple[Study, Lab]:
 def training(study: Study, lab: Lab, kind: str) -> Lanes:
     """Training lanes of a kind, judged by energy alone (J/m), no margin floor."""
     site = make_sites(study, lab.robot, kind, held_out=False)
-    count = site.valid.shape[0]
-    bend = np.deg2rad(study.kinds[kind].least_knee_bend_deg)
-    return Lanes(site, Setting(*(jnp.full(count, x, float) for x in (bend, UNBOUND, 1.0))))
+    return Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
 
 
 def timed(function: Callable[..., Any], *arguments: Any, repeats: int = 3) -> float:

@@ -25,14 +25,18 @@ from jaxleg.batch import over_lanes
 from jaxleg.control.swing_leg import Feeling, feeling
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.order import SHIFT, SWING_LEG
+from jaxleg.planner import Planner
 from jaxleg.posture.collision import Sizes
-from jaxleg.search.config import Study, baseline
-from jaxleg.search.lanes import CYCLES, Lab, to_params
+from jaxleg.search.config import Study
+from jaxleg.search.contestants import contestant
+from jaxleg.search.lanes import CYCLES, Lab, stations
 from jaxleg.search.sites import footing_rule
 from jaxleg.sim.reactive import Tick, walk_reactively
 from jaxleg.swing.machine import Mode, extended
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.site import Site
+from jaxleg.walk.build import build_walk
+from jaxleg.walk.choose import choose
 from jaxleg.walk.site import site_of
 
 RUNS, ERROR, DT = 64, 0.03, 0.0025
@@ -76,12 +80,12 @@ def main(out: Path | None = None, quick: bool = False) -> None:
 
 def walk_all(study: Study, lab: Lab, kind: str, count: int, told: dict[str, Any]) -> dict[str, Any]:
     """One contestant's row on a kind of terrain: every terrain with a map that is too high and with one that is too low."""
-    vector = baseline(study, kind, "traditional").astype(np.float32)
+    planner = contestant(study, kind, "traditional")
     lanes = unseen(study, lab, kind, count // 2)
     lanes, signs = lanes.take(np.repeat(np.arange(lanes.number), 2)), np.tile([1.0, -1.0], lanes.number)
-    believed = wrong_maps(study, lab, lanes.site.terrain, vector, told.get("error", ERROR) * signs)
+    believed = wrong_maps(study, lab, lanes.site.terrain, planner, told.get("error", ERROR) * signs)
     feel = feeling(**{k: v for k, v in told.items() if k != "error"})
-    return row(climbs(lab, vector, lanes.site.terrain, believed, np.asarray(lanes.setting.least_bend), feel))
+    return row(climbs(lab, planner, lanes.site.terrain, believed, feel))
 
 
 def saving(clocked: dict[str, Any], reactive: dict[str, Any]) -> dict[str, Any]:
@@ -92,10 +96,10 @@ def saving(clocked: dict[str, Any], reactive: dict[str, Any]) -> dict[str, Any]:
     return {name: interval(d) | {"n": len(d)} for name, d in parts.items() if len(d) > 1}
 
 
-def wrong_maps(study: Study, lab: Lab, terrain: HeightMap, vector: np.ndarray, offsets: np.ndarray) -> Site:
+def wrong_maps(study: Study, lab: Lab, terrain: HeightMap, planner: Planner, offsets: np.ndarray) -> Site:
     """Maps raised or lowered beyond the first stance, and where they let a foot be placed."""
-    params, sizes = to_params(jnp.asarray(vector)), Sizes.of(lab.robot)
-    first, _ = nominal_stances(params, lab.stations(params, 0), 1)
+    sizes = Sizes.of(lab.robot)
+    first, _ = nominal_stances(planner.gait, stations(planner, 0), 1)
     front = float(first[0, :, 0].max()) + 0.06
 
     @jax.jit
@@ -109,17 +113,18 @@ def wrong_maps(study: Study, lab: Lab, terrain: HeightMap, vector: np.ndarray, o
     return wrong(terrain, jnp.asarray(offsets))
 
 
-def climbs(lab: Lab, vector: np.ndarray, terrain: HeightMap, believed: Site, bend: np.ndarray, feel: Feeling) -> Tick:
+def climbs(lab: Lab, planner: Planner, terrain: HeightMap, believed: Site, feel: Feeling) -> Tick:
     """Walk on all terrains (leading axis)."""
     lab.engine  # noqa: B018  built outside of any tracing
-    span = CYCLES * float(to_params(jnp.asarray(vector)).step_length) / lab.speed
-    lane = functools.partial(_climb, lab, vector, feel, round(SPARE * span / DT))
-    return over_lanes(lane, min(lab.chunk, -(-len(bend) // jax.local_device_count())))(terrain, believed, bend)
+    span = CYCLES * float(planner.gait.step_length / planner.timing.speed)
+    lane = functools.partial(_climb, lab, planner, feel, round(SPARE * span / DT))
+    return over_lanes(lane, min(lab.chunk, -(-len(believed.valid) // jax.local_device_count())))(terrain, believed)
 
 
-def _climb(lab: Lab, vector, feel: Feeling, ticks: int, terrain, believed: Site, bend) -> Tick:
-    vector = jnp.asarray(vector)
-    walk = lab.walk(to_params(vector), believed, lab.choose(vector, believed, bend, CYCLES), bend)
+def _climb(lab: Lab, planner: Planner, feel: Feeling, ticks: int, terrain, believed: Site) -> Tick:
+    way = stations(planner, CYCLES)
+    choices, _ = choose(planner, lab.robot, believed, way, 4 * CYCLES)
+    walk = build_walk(planner, lab.robot, believed, way, choices)
     machine = extended(9, height_share=0.3, back=0.04, allowance=0.05, limit=8.0)
     dt = jnp.asarray(DT, walk.footholds.dtype)
     return walk_reactively(lab.engine, lab.robot, lab.ground, terrain, walk, machine, feel, dt, ticks)

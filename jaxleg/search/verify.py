@@ -8,22 +8,22 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.search import agreement, referees
-from jaxleg.search.config import PARAMETERS, bounds
 from jaxleg.search.contest import Contest, contest
+from jaxleg.search.contestants import CONTESTANTS, STAGES, bounds, contestant, contestants
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import CONSTRAINTS, Setting
-from jaxleg.search.run import CONTESTANTS, STAGES, UNBOUND, Run, contestants
+from jaxleg.search.lanes import CONSTRAINTS, settings_of
+from jaxleg.search.leaves import read_leaves
+from jaxleg.search.run import Run
 from jaxleg.search.sites import make_sites, share
 
 
 def held_out_lanes(state: Run, kind: str, best: np.ndarray) -> tuple[np.ndarray, Lanes]:
     """All contestants on all held-out terrains of a kind, contestant by contestant."""
     site = make_sites(state.study, state.robot, kind, held_out=True)
-    vectors, count = contestants(state.study, kind, best), site.valid.shape[0]
-    bend = np.deg2rad(state.study.kinds[kind].least_knee_bend_deg)
-    numbers = (jnp.full(count, x, float) for x in (bend, UNBOUND, 1.0))
-    lanes = Lanes(site, Setting(*numbers)).take(np.tile(np.arange(count), len(vectors)))
-    return np.repeat(vectors, count, axis=0), lanes
+    planners, count = contestants(state.study, kind, best), site.valid.shape[0]
+    parts = [Lanes(site, settings_of(planner, count)) for planner in planners]
+    vectors = np.stack([read_leaves(planner, state.study.search.move) for planner in planners])
+    return np.repeat(vectors, count, axis=0), jax.tree.map(lambda *x: np.concatenate(x), *parts)
 
 
 def held_out(state: Run, kind: str, best: np.ndarray) -> Contest:
@@ -67,9 +67,7 @@ def check_proxy(state: Run) -> dict[str, Any]:
         parts = []
         for kind, count in zip(kinds, counts):
             site = make_sites(study, state.robot, kind, held_out=False)
-            size = site.valid.shape[0]
-            bend = np.deg2rad(study.kinds[kind].least_knee_bend_deg)
-            lanes = Lanes(site, Setting(*(jnp.full(size, x, float) for x in (bend, UNBOUND, 1.0))))
+            lanes = Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
             span = bounds(study, kind, STAGES[-1])
             key = jax.random.fold_in(jax.random.key(study.seed), 200 + state.kinds.index(kind))
             parts.append((*agreement.random_gaits(state.lab, key, lanes, span, count), span))
@@ -77,17 +75,17 @@ def check_proxy(state: Run) -> dict[str, Any]:
         lanes = jax.tree.map(lambda *x: jnp.concatenate(x), *(part[1] for part in parts))
         return agreement.compare(state.lab, vectors, lanes, parts[0][2])
 
-    like = empty_agreement(study.search.proxy_gaits)
+    like = empty_agreement(study.search.proxy_gaits, len(study.search.move))
     result = agreement.agreement(state.remember("proxy", like, compute))
     state.clock("proxy", began)
     state.tell(10.0, "proxy compared with simulation")
     return result
 
 
-def empty_agreement(count: int) -> agreement.Agreement:
+def empty_agreement(count: int, moved: int) -> agreement.Agreement:
     """An agreement of the right shapes and types, to load a saved one into."""
     number = np.zeros(count, np.asarray(jnp.zeros((), float)).dtype)
-    gradient = np.zeros((count, len(PARAMETERS)), number.dtype)
+    gradient = np.zeros((count, moved), number.dtype)
     flag = np.zeros(count, bool)
     return agreement.Agreement(number, number, gradient, gradient, flag, flag)
 
