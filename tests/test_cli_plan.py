@@ -201,6 +201,9 @@ def test_what_is_not_used_of_a_gait_is_said():
     assert "kinds.b.gait" in note
     assert "foot_offset -0.1, skew 0.1" in note
     assert "swing_height" not in note
+    (note,) = notes(Study(kinds={"c": Kind(leaves={"posture.cog.ratio": 0.4, "swing.clearance": 0.03})}), "c")
+    assert "kinds.c.leaves, paper C's planner has its own: posture.cog.ratio 0.4" in note
+    assert "clearance" not in note
 
 
 class Walk:

@@ -74,7 +74,7 @@ def parameters(result: Mapping[str, Any], path: str | Path) -> None:
         ax.xaxis.label.set_fontsize(9)
         ax.tick_params(axis="y", length=0)
     names = result["bounds"][kind]
-    axes[0].set_yticks(range(len(names)), map(_with_unit, names))
+    axes[0].set_yticks(range(len(names)), [_with_unit(name) for name in names])
     axes[0].invert_yaxis()
     handles = [_mark(who, label=NAMES[who]) for who in PLACED]
     legend_below(figure, handles, 3)

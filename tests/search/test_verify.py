@@ -7,9 +7,9 @@ import pytest
 
 from jaxleg.robot import load_robot
 from jaxleg.search import referees, verify
-from jaxleg.search.config import Kind, Search, Study, Terrains, baseline
+from jaxleg.search.config import Kind, Search, Study, Terrains
+from jaxleg.search.contestants import CONTESTANTS, baseline
 from jaxleg.search.lanes import CONSTRAINTS
-from jaxleg.search.run import CONTESTANTS
 from jaxleg.search.verify import empty_contest, held_out_lanes, referee, with_margin_slack
 from tests.stand_ins import StandInLab, StandInRun
 
