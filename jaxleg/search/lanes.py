@@ -59,7 +59,7 @@ class Setting(NamedTuple):
     energy: Float[Array, ""]  # energy per metre that counts as 1 [J/m]
 
     @property
-    def least_bend(self) -> Float[Array, ""]:
+    def least_bend(self) -> Float[ArrayLike, "*lane"]:
         """Least knee bend [rad]: it binds whatever a search moves."""
         return self.planner.limits.knee_bend
 
