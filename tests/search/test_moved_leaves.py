@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.robot import RobotFile, build_robot
 from jaxleg.search.config import Cog, Gait, Kind, Search, Study, Terrains
-from jaxleg.search.contestants import STAGES, baseline, bounds
+from jaxleg.search.contestants import STAGES, baseline, bounds, contestant
+from jaxleg.search.lanes import settings_of
+from jaxleg.search.leaves import read_leaves
 from jaxleg.search.run import make_lab
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.search.stages import search_group, training_lanes
@@ -40,6 +43,16 @@ def lanes(state):
     return training_lanes(state, "rough")
 
 
+def test_the_baseline_is_the_traditional_planner_whole(state, lanes):
+    """Its energy counts as 1, also what of it no search moves; the searched planners hold the paper's."""
+    planner = contestant(state.study, "rough", "traditional")
+    rows, alone = np.tile(read_leaves(planner, MOVE), (lanes.number, 1)), settings_of(planner, lanes.number)
+    energy = state.lab.proxy_gradients(rows, lanes.site, alone)[0].energy[:, CONVENTIONS.index("positive")]
+    assert_allclose(lanes.setting.energy, energy.mean())
+    assert np.all(np.asarray(alone.planner.gait.hip_height) == 0.48)
+    assert np.all(np.asarray(lanes.setting.planner.gait.hip_height) == 0.50)
+
+
 def test_gradients_are_those_of_central_differences(state, lanes):
     at = np.array([0.4, 0.07])
     rows = np.stack([at, *(at + h * STEP * unit for unit in np.eye(2) for h in (1.0, -1.0))])
@@ -65,4 +78,3 @@ def test_the_descent_moves_them_and_holds_the_rest(state, lanes, tmp_path):
     many = lanes.take(np.zeros(len(rows), int))
     objective = state.lab.proxy_gradients(rows, many.site, many.setting)[0].objective
     assert objective[1:].min() < objective[0]
-    assert np.all(many.setting.planner.gait.hip_height == 0.50)
