@@ -39,6 +39,7 @@ def test_everything_but_the_heading_has_its_limits():
     planner = planner_of(STUDY, Kind(), Gait())
     assert set(leaf_names(planner)) == {*RULES, *HEADINGS}
     assert tuple(BOUNDS) == GAIT
+    assert STUDY.bounds == BOUNDS | {"posture.cog.ratio": (0.2, 0.8), "swing.clearance": (0.01, 0.1)}  # the others' stay
 
 
 def test_contestants_differ_by_their_stance_alone():
