@@ -21,15 +21,18 @@ from experiments.slow_walk import SPEED, STAND_SHARE, search_gait, slow
 from jaxleg.batch import over_lanes
 from jaxleg.leg.energy import CONVENTIONS, electrical, motor_power
 from jaxleg.robot import RobotFile, build_robot
-from jaxleg.search.config import PARAMETERS, Study, baseline, robot_path
+from jaxleg.search.config import Study, robot_path
 from jaxleg.search.contest import keeps_limits
-from jaxleg.search.lanes import Lab, to_params
+from jaxleg.search.contestants import baseline, contestant
+from jaxleg.search.lanes import Lab
+from jaxleg.search.leaves import read_leaves, with_leaves
 from jaxleg.settings import load
 from jaxleg.viz.baselines import draw_baselines
 from jaxleg.walk.reference import phase_instant
 
 NET = CONVENTIONS.index("net")
 HEIGHTS, OFFSETS = np.linspace(0.44, 0.50, 7), np.linspace(-0.10, 0.10, 9)  # H_COG, L_F2H centre [m]
+STANCE = ("gait.skew", "gait.hip_height", "gait.foot_offset")
 SKEWS = {"no skew": 0.0, "skew of half a step": 0.1}  # [m]
 MASSES = {"midway": 0.0, "0.1 m behind": -0.1}  # centre of mass from the hips' centre, fore and aft [m]
 NEAR = 0.2  # percentage points between two pairs of savings that count as the same
@@ -57,8 +60,8 @@ def main(out: Path | None = None, quick: bool = False) -> None:
             print(f"  {title}: {describe(cell)}; {cell['cells']} cells within {NEAR} points, losses {cell['losses']}")
     write("baselines", out, {"rows": rows, "nearest": matches, "paper": PAPER, "speed": SPEED})
     folder = out or Path("runs") / "baselines"
-    for contestant in ("paper", "ours"):
-        draw_baselines(rows, contestant, matches, folder / f"baselines_{contestant}.png")
+    for name in ("paper", "ours"):
+        draw_baselines(rows, name, matches, folder / f"baselines_{name}.png")
 
 
 def with_mass(lab: Lab, shift: float) -> Lab:
@@ -73,12 +76,10 @@ def grid_rows(study: Study, lab: Lab, mass: str, ours: dict[str, np.ndarray]) ->
     cells = [(skew, h, x) for skew in SKEWS for h in HEIGHTS for x in OFFSETS]
     rows = [dict(mass=mass, skew=s, hip_height=round(h, 3), foot_offset=round(x, 3)) for s, h, x in cells]
     for kind in ("flat", "stairs"):
-        traditional = baseline(study, kind, "traditional")
-        vectors = np.tile(traditional, (len(cells) + 2, 1))
-        for column, values in zip(("skew", "hip_height", "foot_offset"), zip(*((SKEWS[s], h, x) for s, h, x in cells))):
-            vectors[2:, PARAMETERS.index(column)] = values
-        vectors[0], vectors[1] = baseline(study, kind, "paper"), ours[kind]
-        seen = powers(study, lab, kind, vectors)
+        traditional = contestant(study, kind, "traditional")
+        planners = [with_leaves(traditional, STANCE, jnp.asarray((SKEWS[s], h, x))) for s, h, x in cells]
+        before = [read_leaves(planner, lab.move) for planner in planners]
+        seen = powers(study, lab, kind, np.stack([baseline(study, kind, "paper"), ours[kind], *before]))
         for i, row in enumerate(rows):
             saving = {name: 100.0 * (1.0 - seen.power[k] / seen.power[i + 2]) for k, name in enumerate(("paper", "ours"))}
             row[kind] = {"power_w": seen.power[i + 2], "margin": seen.margin[i + 2], "saving": saving}
@@ -104,14 +105,14 @@ def powers(study: Study, lab: Lab, kind: str, vectors: np.ndarray) -> Power:
 
 def judge(lab: Lab, vector, site, setting):
     """Net power walking and standing in the first pose [W], least margin [m], whether the lane can be walked."""
-    choice = lab.choose(vector, site, setting.least_bend)
+    choice = lab.choose(vector, site, setting)
     score = lab.proxy(vector, site, choice, setting)
-    walk = lab.walk(to_params(vector), site, choice, setting.least_bend)
+    walk = lab.walk(vector, site, choice, setting)
     first = jax.tree.map(lambda x: x[0], walk.phases)
     shares = jnp.zeros((), vector.dtype), walk.gait.lift_share, walk.load_share
     torque = phase_instant(lab.robot, first, *shares).torque
     stand = jnp.sum(electrical(motor_power(lab.robot, torque, jnp.zeros_like(torque)), "net"))
-    return score.energy[NET] * lab.speed, stand, score.checks.margin, keeps_limits(score.checks, setting.least_bend)
+    return score.energy[NET] * SPEED, stand, score.checks.margin, keeps_limits(score.checks, setting.least_bend)
 
 
 def nearest(rows: list[dict[str, Any]], target: dict[str, float]) -> dict[str, Any]:

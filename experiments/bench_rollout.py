@@ -28,9 +28,10 @@ from experiments.common import setup, timed, write
 from jaxleg.batch import in_chunks, on_devices, over_lanes
 from jaxleg.leg.energy import Power, electrical, motor_power
 from jaxleg.posture.collision import Sizes, robot_obstacles
-from jaxleg.search.config import Study, baseline
+from jaxleg.search.config import Study
+from jaxleg.search.contestants import baseline, contestant
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import Lab, Setting
+from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.referees import unstack
 from jaxleg.sim import referee
 from jaxleg.sim.engine import mjx
@@ -75,10 +76,9 @@ def distinct(study: Study, lab: Lab, count: int) -> tuple[Lanes, np.ndarray]:
     sizes = Sizes.of(lab.robot)
     obstacles = jax.jit(jax.vmap(lambda t: robot_obstacles(sizes, t, GRID.resolution)))(terrain)
     site = Site(terrain, jnp.ones((count, GRID.nx, GRID.ny), bool), obstacles)
-    setting = Setting(*(jnp.full(count, x, float) for x in (np.deg2rad(20.0), -10.0, 1.0)))
-    vectors = np.tile(baseline(study, "rough", "paper"), (count, 1))
-    vectors[:, 0] += np.linspace(-0.02, 0.02, count)
-    return Lanes(site, setting), vectors.astype(np.float32)
+    height = np.array([name == "gait.hip_height" for name in lab.move])
+    vectors = baseline(study, "rough", "paper") + np.linspace(-0.02, 0.02, count)[:, None] * height
+    return Lanes(site, settings_of(contestant(study, "rough", "paper"), count)), vectors.astype(np.float32)
 
 
 def first(lanes: Lanes, count: int) -> Lanes:
@@ -206,7 +206,7 @@ def reverse(lab: Lab, vectors: np.ndarray, lanes: Lanes, count: int = 256) -> di
     began, part = time.perf_counter(), first(lanes, chunk)
 
     def lane(vector, site, setting):
-        choice = lab.choose(vector, site, setting.least_bend)
+        choice = lab.choose(vector, site, setting)
         return jax.grad(lab.simulated, has_aux=True)(vector, site, choice, setting)[0]
 
     run = on_devices(jax.vmap(lane))

@@ -16,7 +16,7 @@ import tyro
 from experiments.common import setup, training, write
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.robot import Robot, RobotFile, build_robot
-from jaxleg.search.config import baseline
+from jaxleg.search.contestants import baseline
 from jaxleg.settings import load
 from jaxleg.walk.choices import no_choice
 
@@ -28,14 +28,14 @@ def main(out: Path | None = None, quick: bool = False) -> float:
     """Bisect on the gear ratio; prints it. `quick` changes nothing, it takes seconds anyway."""
     del quick
     study, lab = setup()
+    study = dataclasses.replace(study, speed=SPEED)
     lanes = jax.tree.map(jnp.asarray, training(study, lab, "flat").take(0))  # a constant of what is compiled
     vector = jnp.asarray(baseline(study, "flat", "traditional"), float)
     file = load(RobotFile, ROBOT)
 
     @jax.jit
     def power(robot: Robot) -> jax.Array:
-        slow = dataclasses.replace(lab, robot=robot, speed=SPEED)
-        score = slow.proxy(vector, lanes.site, no_choice(2, vector.dtype), lanes.setting)
+        score = dataclasses.replace(lab, robot=robot).proxy(vector, lanes.site, no_choice(2, vector.dtype), lanes.setting)
         return score.energy[CONVENTIONS.index("net")] * SPEED
 
     low, high = 20.0, 100.0

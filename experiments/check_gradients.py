@@ -21,9 +21,10 @@ from jaxleg.batch import over_lanes
 from jaxleg.foothold.cascade import Reachable, soft_offset
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search import agreement
-from jaxleg.search.config import Study, bounds
+from jaxleg.search.config import Study
+from jaxleg.search.contestants import bounds
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import Lab, per_metre, to_params
+from jaxleg.search.lanes import Lab, Setting, per_metre
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain.site import Site
 from jaxleg.walk.choices import Choices
@@ -47,7 +48,7 @@ def main(gaits: int = 32, out: Path | None = None, quick: bool = False) -> bool:
     for kind, start, end in zip(TARGETS, starts, starts[1:]):
         result[kind] = summary({name: error[start:end] for name, error in errors.items()}, TARGETS[kind])
         print(kind, {key: f"{value:.2e}" if isinstance(value, float) else value for key, value in result[kind].items()})
-    result["soft_choice"] = soft_choice(lab, training(study, lab, "stairs"))
+    result["soft_choice"] = soft_choice(training(study, lab, "stairs"))
     print("soft foothold choice, AD against central differences:", f"{result['soft_choice']:.2e}")
     write("check_gradients", out, result)
     holds = result["soft_choice"] <= SOFT and all(true(result[kind]) for kind in TARGETS)
@@ -81,9 +82,9 @@ def true(row: dict[str, float | int]) -> bool:
     return row["gaits"] > 0 and within
 
 
-def cycle_energy(lab: Lab, vector: jax.Array, site: Site, choice: Choices, bend: jax.Array) -> jax.Array:
+def cycle_energy(lab: Lab, vector: jax.Array, site: Site, choice: Choices, setting: Setting) -> jax.Array:
     """Energy per metre [J/m] of one simulated cycle from rest, the footholds given."""
-    track = reference(lab.robot, lab.walk(to_params(vector), site, choice, bend), lab.samples)
+    track = reference(lab.robot, lab.walk(vector, site, choice, setting), lab.samples)
     meters = simulate(lab.engine, lab.robot, lab.ground, site.terrain, track, lab.steps)
     return per_metre(meters.energy, meters.moved[0])[CONVENTIONS.index(lab.convention)]
 
@@ -92,9 +93,9 @@ def check(lab: Lab, vectors: jax.Array, lanes: Lanes, width: jax.Array) -> dict[
     """Errors of reverse mode against differences, forward mode and float32, by gait."""
     lab.engine  # noqa: B018  built outside of any tracing
     choose_all = jax.jit(jax.vmap(lambda v, s, b: lab.choose(v, s, b, 1)))
-    choices = choose_all(vectors, lanes.site, lanes.setting.least_bend)
+    choices = choose_all(vectors, lanes.site, lanes.setting)
     lane = lambda v, s, c, b: cycle_energy(lab, v, s, c, b)  # noqa: E731
-    arguments = (lanes.site, choices, lanes.setting.least_bend)
+    arguments = (lanes.site, choices, lanes.setting)
     gradient = over_lanes(jax.grad(lane), lab.chunk // 2)(vectors, *arguments) * width
     value = over_lanes(lane, lab.chunk)
     difference = richardson(lambda v: value(v, *arguments), vectors, width)
@@ -124,20 +125,21 @@ def single_precision(lab: Lab, vectors: jax.Array, arguments) -> np.ndarray:
     """The same gradient computed in float32."""
     single = lambda tree: jax.tree.map(lambda x: x.astype(jnp.float32) if x.dtype == jnp.float64 else x, tree)  # noqa: E731
     with jax.enable_x64(False):
-        small = dataclasses.replace(lab, robot=single(lab.robot), rectangle=single(lab.rectangle))
+        small = dataclasses.replace(lab, robot=single(lab.robot))
         small.engine  # noqa: B018
         lane = jax.grad(lambda v, s, c, b: cycle_energy(small, v, s, c, b))
         return np.asarray(over_lanes(lane, lab.chunk // 2)(*single((vectors, *arguments))), np.float64)
 
 
-def soft_choice(lab: Lab, lanes: Lanes) -> float:
+def soft_choice(lanes: Lanes) -> float:
     """Largest relative error of the soft foothold choice's gradient in w1 over stair terrains, temperature 0.05."""
     nominal = jnp.array([[0.3, 0.18], [0.25, -0.18], [-0.3, 0.18], [-0.35, -0.18]])
+    foothold = jax.tree.map(lambda x: jnp.asarray(x[0]), lanes.setting.planner.foothold)
     everywhere = Reachable(*map(jnp.asarray, (-1.0, 1.0, 0.2)))  # no candidate is out of the legs' reach
 
     def ahead(weight, site):
-        rectangle = dataclasses.replace(lab.rectangle, nominal_weight=weight)
-        return soft_offset(nominal, site.valid, site.terrain, rectangle, everywhere, lab.extent, 0.05)[0]
+        rectangle = dataclasses.replace(foothold.rectangle, nominal_weight=weight)
+        return soft_offset(nominal, site.valid, site.terrain, rectangle, everywhere, foothold.extent, 0.05)[0]
 
     slope = jax.vmap(jax.grad(ahead), in_axes=(None, 0))(jnp.asarray(0.6), lanes.site)
     at = [jax.vmap(ahead, in_axes=(None, 0))(jnp.asarray(0.6 + h), lanes.site) for h in (1e-5, -1e-5)]

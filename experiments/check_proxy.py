@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from experiments.common import setup, training, write
 from jaxleg.search import agreement
-from jaxleg.search.config import bounds
+from jaxleg.search.contestants import bounds
 from jaxleg.viz.style import save
 
 CLAIM = {"spearman": 0.95, "gradient_cosine": 0.95, "gradient_cosine_p10": 0.9}  # at least

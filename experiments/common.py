@@ -12,10 +12,11 @@ from jaxleg.cli import configure_jax
 from jaxleg.files import write_json
 from jaxleg.robot import load_robot
 from jaxleg.search.config import Study, robot_path
+from jaxleg.search.contestants import contestant
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import Lab
+from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.run import make_lab
-from jaxleg.search.verify import unbound_lanes
+from jaxleg.search.sites import make_sites
 from jaxleg.settings import load
 
 CONFIG = Path(__file__).parent.parent / "configs" / "quickstart.toml"
@@ -30,7 +31,8 @@ def setup() -> tuple[Study, Lab]:
 
 def training(study: Study, lab: Lab, kind: str) -> Lanes:
     """Training lanes of a kind, judged by energy alone (J/m), no margin floor."""
-    return unbound_lanes(study, lab.robot, kind, held_out=False)
+    site = make_sites(study, lab.robot, kind, held_out=False)
+    return Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
 
 
 def timed(function: Callable[..., Any], *arguments: Any, repeats: int = 3) -> float:

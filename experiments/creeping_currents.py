@@ -10,6 +10,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import tyro
 
@@ -17,8 +18,10 @@ from experiments.common import setup, training, write
 from experiments.slow_walk import Trace, currents, mean_over_time, slow, walks
 from jaxleg.conventions import JOINTS, LEGS
 from jaxleg.robot import Robot
-from jaxleg.search.config import PARAMETERS, Cog, Study, baseline
-from jaxleg.search.lanes import Lab
+from jaxleg.search.config import Cog, Study
+from jaxleg.search.contestants import contestant
+from jaxleg.search.lanes import Lab, settings_of
+from jaxleg.search.leaves import read_leaves, with_leaves
 from jaxleg.viz.power import draw_currents
 
 PAPER = {"knee": {"mean": 1.611, "max": 5.140}, "hip": {"mean": 0.351, "max": 1.628}, "swinging_leg_below": 1.0}  # [A]
@@ -32,9 +35,9 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     """Simulate in MJX; `quick` changes nothing, it takes seconds anyway."""
     del quick
     study, lab = slow(*setup(), 3)
-    less = dataclasses.replace(lab, cog=Cog("median", SWAY_RATIO, study.cog.height_threshold))
+    less = dataclasses.replace(study, cog=Cog("median", SWAY_RATIO, study.cog.height_threshold))
     traces = {f"stance {width} m wide": walked(study, lab, width) for width in WIDTHS}
-    traces[f"way-points at {SWAY_RATIO} of the median"] = walked(study, less, WIDTHS[0])
+    traces[f"way-points at {SWAY_RATIO} of the median"] = walked(less, lab, WIDTHS[0])
     rows = {name: row(lab.robot, trace) for name, trace in traces.items()}
     print(f"{'currents [A]':52s} knee mean   max   hip mean   max   thigh mean   swinging leg's sum, at most")
     knee, hip = PAPER["knee"], PAPER["hip"]
@@ -59,9 +62,9 @@ def main(out: Path | None = None, quick: bool = False) -> None:
 
 def walked(study: Study, lab: Lab, width: float) -> Trace:
     """Three cycles of the traditional gait with a stance of this width [m] (one lane)."""
-    vector = baseline(study, "flat", "traditional")
-    vector[PARAMETERS.index("stance_width")] = width
-    return walks(lab, vector[None], training(study, lab, "flat").take(np.zeros(1, int)), cycles=3)
+    planner = with_leaves(contestant(study, "flat", "traditional"), ("gait.stance_width",), jnp.asarray([width]))
+    lanes = training(study, lab, "flat").take(np.zeros(1, int))._replace(setting=settings_of(planner, 1))
+    return walks(lab, read_leaves(planner, lab.move)[None], lanes, cycles=3)
 
 
 def row(robot: Robot, trace: Trace) -> dict[str, Any]:

@@ -27,8 +27,9 @@ from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.params import GaitParams
 from jaxleg.route.stations import Straight
 from jaxleg.search.checks import check_map
-from jaxleg.search.config import Rectangle, Study, baseline
-from jaxleg.search.lanes import Lab, to_params
+from jaxleg.search.config import Rectangle, Study
+from jaxleg.search.contestants import contestant
+from jaxleg.search.lanes import Lab
 from jaxleg.search.sites import footing_rule
 from jaxleg.terrain import Grid, HeightMap, flat, stairs
 from jaxleg.terrain.files import load_map
@@ -115,9 +116,10 @@ def thinned(terrain: HeightMap, every: int) -> HeightMap:
 
 def on_map(study: Study, lab: Lab, terrain: HeightMap, heading: float) -> Planned:
     """Footholds of a walk of Pegasus with the paper's parameters through the middle of a map, at a heading [rad]."""
-    params = to_params(jnp.asarray(baseline(study, "stairs", "paper"), float))
+    planner = contestant(study, "stairs", "paper")
+    params = planner.gait
     reachable = reachable_heights(lab.robot, params, np.deg2rad(study.kinds["stairs"].least_knee_bend_deg))
-    box = dataclasses.replace(lab.rectangle, heading=jnp.asarray(heading, float))
+    box = dataclasses.replace(planner.foothold.rectangle, heading=jnp.asarray(heading, float))
     resolution, foot = float(terrain.resolution), float(lab.robot.foot_radius)
     valid = jax.jit(footing, static_argnums=(0, 1, 2))(footing_rule(study.terrains), foot, resolution, terrain)
     site = Site(terrain, valid)

@@ -28,8 +28,9 @@ from jaxleg.foothold.learned import differences, learn, leg_weights, listwise_lo
 from jaxleg.gait.order import PHASES, SWING_LEG
 from jaxleg.gait.phases import Phases, no_flights
 from jaxleg.leg.energy import electrical
-from jaxleg.search.config import baseline
-from jaxleg.search.lanes import Lab, to_params
+from jaxleg.planner import Planner
+from jaxleg.search.contestants import contestant
+from jaxleg.search.lanes import Lab
 from jaxleg.settings import dump
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain import Grid, HeightMap, rough
@@ -72,7 +73,7 @@ def main(terrains: int = 400, out: Path | None = None, quick: bool = False) -> N
     hand, folder = np.asarray(cost_weights(CostSettings()).feet.weight), out or Path("runs/learn_footholds")
     learned, rows = {}, {}
     for name, leg in LEGS.items():
-        sets = stand_on(lab, baseline(study, "flat", "traditional"), maps, leg, count)
+        sets = stand_on(lab, contestant(study, "flat", "traditional"), maps, leg, count)
         learned[name], rows[name] = judge(sets, hand[leg])
         print(name, f"fell {rows[name]['fell']}")
         for expert in ("both", "energy", "slip"):
@@ -94,7 +95,7 @@ def ground(key: jax.Array, number: jax.Array) -> HeightMap:
     return GRID.map(jnp.where(number % 2 == 0, waves, blocks[jnp.ix_(*index)]) + tilt)
 
 
-def stand_on(lab: Lab, vector: np.ndarray, maps: HeightMap, leg: int, count: int) -> Sets:
+def stand_on(lab: Lab, planner: Planner, maps: HeightMap, leg: int, count: int) -> Sets:
     """Stand on random candidates of each map, all of them in simulation."""
     rng, around = np.random.default_rng(leg), np.arange(-PATCH, PATCH + 1)
     offsets = np.stack(np.meshgrid(*(np.arange(-WINDOW, WINDOW + 1),) * 2), axis=-1).reshape(-1, 2)
@@ -103,14 +104,14 @@ def stand_on(lab: Lab, vector: np.ndarray, maps: HeightMap, leg: int, count: int
     elevation = np.asarray(maps.elevation)
     patches = elevation[np.arange(count)[:, None, None, None], x[:, :, :, None], y[:, :, None, :]]
     lab.engine  # noqa: B018  built outside of any tracing
-    lane = over_lanes(lambda patch: stand(lab, vector, patch, leg), lab.chunk)
+    lane = over_lanes(lambda patch: stand(lab, planner, patch, leg), lab.chunk)
     seen = lane(patches.reshape(-1, 2 * PATCH + 1, 2 * PATCH + 1))
     scores = np.asarray(jax.jit(lambda m: jax.lax.map(lambda t: scores_of(t, leg), m))(maps))
     at = scores[np.arange(count)[:, None], :, cells[..., 0], cells[..., 1]]
     return Sets(at, *(x.reshape(count, CANDIDATES) for x in seen))
 
 
-def stand(lab: Lab, vector: np.ndarray, patch: jax.Array, leg: int) -> tuple[jax.Array, ...]:
+def stand(lab: Lab, planner: Planner, patch: jax.Array, leg: int) -> tuple[jax.Array, ...]:
     """Energy [J], the leg's slip [m] and whether it fell, while the trunk moves ahead over the feet, one on the patch."""
     i, j = np.round((STANCE[leg] - GRID.origin) / GRID.resolution).astype(int) - PATCH
     level, size = jnp.zeros((GRID.nx, GRID.ny), patch.dtype), 2 * PATCH + 1
@@ -122,8 +123,7 @@ def stand(lab: Lab, vector: np.ndarray, patch: jax.Array, leg: int) -> tuple[jax
     there = jnp.broadcast_to(feet, (PHASES, 4, 3))
     still = no_flights(PHASES, feet.dtype)
     phases = Phases(jnp.cumsum(time) - time, time, poses[:-1], poses[1:], there, there, still, none)
-    params = to_params(jnp.asarray(vector, feet.dtype))
-    shares = params.lift_share, jnp.asarray(lab.load_share, feet.dtype)
+    shares = planner.gait.lift_share, planner.swing.load_share
     track = to_reference(*phase_instants(lab.robot, phases, SWING_LEG, *shares, (SAMPLES, SAMPLES)))
     track = stand_first(track, STAND, STAND_SAMPLES)
     meters = simulate(lab.engine, lab.robot, lab.ground, terrain, track, STEPS, STAND_SAMPLES)

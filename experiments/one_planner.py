@@ -28,9 +28,10 @@ from jaxleg.planner import Planner
 from jaxleg.posture.collision import Sizes
 from jaxleg.posture.incentre import Incentre
 from jaxleg.route.stations import Line, Stations
-from jaxleg.search.config import Gait, Study, baseline
+from jaxleg.search.config import Gait, Study
 from jaxleg.search.contest import saving
-from jaxleg.search.lanes import Lab, to_params
+from jaxleg.search.contestants import contestant
+from jaxleg.search.lanes import Lab
 from jaxleg.search.leaves import read_leaves, with_leaves
 from jaxleg.search.navigate import navigate, navigator_of, simulate_all, survey_all
 from jaxleg.search.sites import footing_rule
@@ -104,18 +105,19 @@ def small(study: Study, lab: Lab) -> Navigator:
 
 def headings(study: Study, lab: Lab) -> dict[str, Any]:
     """Energy per metre of paper A's walk on level ground in four directions, by proxy and in MJX."""
-    gait = to_params(jnp.asarray(baseline(study, "flat", "paper")))
+    paper, bend = contestant(study, "flat", "paper"), jnp.asarray(np.deg2rad(20.0))
     ground = Grid(151, 151, 0.02, (-1.5, -1.5)).map(jnp.zeros((151, 151)))
     site = site_of(footing_rule(study.terrains), Sizes.of(lab.robot), 0.02, ground)
-    extent = extent_of(0.38, 0.08, 0.3, 0.02, heading=None)
+    foothold = dataclasses.replace(paper.foothold, extent=extent_of(0.38, 0.08, 0.3, 0.02, heading=None))
+    paper = dataclasses.replace(paper, foothold=foothold)
     lab.engine  # noqa: B018  built outside of any tracing
 
     @jax.jit
     def at(heading):
         """Proxy's and MJX's energy per metre at one heading [J/m]."""
-        turned = dataclasses.replace(lab, rectangle=dataclasses.replace(lab.rectangle, heading=heading), extent=extent)
-        planner = turned.planner(gait, jnp.asarray(np.deg2rad(20.0)))
-        stations = planner.route.stations(gait, None, 2 * CYCLES + 2)
+        names = ("route.heading", "foothold.least_bend", "limits.knee_bend")
+        planner = with_leaves(paper, names, jnp.stack([heading, bend, bend]))
+        stations = planner.route.stations(planner.gait, None, 2 * CYCLES + 2)
         choices, _ = choose(planner, lab.robot, site, stations, 4 * CYCLES)
         made = build_walk(planner, lab.robot, site, stations, choices)
         meters = simulate(lab.engine, lab.robot, lab.ground, ground, reference(lab.robot, made, SAMPLES), STEPS)

@@ -26,14 +26,18 @@ from jaxleg.batch import over_lanes
 from jaxleg.control.swing_leg import feeling
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.order import SHIFT, SWING_LEG
+from jaxleg.planner import Planner
 from jaxleg.posture.collision import Sizes
-from jaxleg.search.config import Study, baseline
-from jaxleg.search.lanes import CYCLES, Lab, to_params
+from jaxleg.search.config import Study
+from jaxleg.search.contestants import contestant
+from jaxleg.search.lanes import CYCLES, Lab, stations
 from jaxleg.search.sites import footing_rule
 from jaxleg.sim.reactive import Tick
 from jaxleg.swing.machine import Mode
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.site import Site
+from jaxleg.walk.build import build_walk
+from jaxleg.walk.choose import choose
 from jaxleg.walk.data import Walk
 from jaxleg.walk.site import site_of
 
@@ -81,23 +85,24 @@ class Climbers:
 
     def __init__(self, study: Study, lab: Lab) -> None:
         self.study, self.lab = study, lab
-        self.vectors = {kind: baseline(study, kind, "traditional").astype(np.float32) for kind in KINDS}
-        span = max(float(to_params(jnp.asarray(vector)).step_length) for vector in self.vectors.values())
+        self.planners = {kind: contestant(study, kind, "traditional") for kind in KINDS}
+        span = max(float(planner.gait.step_length / planner.timing.speed) for planner in self.planners.values())
         self.walks = over_lanes(functools.partial(_planned, lab), lab.chunk)
-        self.run = react(lab, round(SPARE * CYCLES * span / lab.speed / DT), lab.chunk * jax.local_device_count())
+        self.run = react(lab, round(SPARE * CYCLES * span / DT), lab.chunk * jax.local_device_count())
 
     def walk(self, kind: str, count: int, error: float = ERROR, **told: Any) -> dict[str, Any]:
         """One contestant's row on a kind of terrain: every terrain with a map that is too high and with one too low."""
-        lanes = unseen(self.study, self.lab, kind, count // 2)
+        lanes, planner = unseen(self.study, self.lab, kind, count // 2), self.planners[kind]
         lanes, signs = lanes.take(np.repeat(np.arange(lanes.number), 2)), np.tile([1.0, -1.0], lanes.number)
-        believed = wrong_maps(self.study, self.lab, lanes.site.terrain, self.vectors[kind], error * signs)
-        vectors = np.tile(self.vectors[kind], (lanes.number, 1))
-        walks = self.walks(vectors, believed, np.asarray(lanes.setting.least_bend))
+        believed = wrong_maps(self.study, self.lab, lanes.site.terrain, planner, error * signs)
+        walks = self.walks(jax.tree.map(lambda x: np.tile(x, (lanes.number, *[1] * np.ndim(x))), planner), believed)
         return row(self.run(feeling(self.lab.robot, **told), lanes.site.terrain, walks))
 
 
-def _planned(lab: Lab, vector, believed: Site, bend) -> Walk:
-    return lab.walk(to_params(vector), believed, lab.choose(vector, believed, bend), bend)
+def _planned(lab: Lab, planner: Planner, believed: Site) -> Walk:
+    way = stations(planner, CYCLES)
+    choices, _ = choose(planner, lab.robot, believed, way, 4 * CYCLES)
+    return build_walk(planner, lab.robot, believed, way, choices)
 
 
 def saving(clocked: dict[str, Any], reactive: dict[str, Any]) -> dict[str, Any]:
@@ -108,10 +113,10 @@ def saving(clocked: dict[str, Any], reactive: dict[str, Any]) -> dict[str, Any]:
     return {name: interval(d) | {"n": len(d)} for name, d in parts.items() if len(d) > 1}
 
 
-def wrong_maps(study: Study, lab: Lab, terrain: HeightMap, vector: np.ndarray, offsets: np.ndarray) -> Site:
+def wrong_maps(study: Study, lab: Lab, terrain: HeightMap, planner: Planner, offsets: np.ndarray) -> Site:
     """Maps raised or lowered beyond the first stance, and where they let a foot be placed."""
-    params, sizes = to_params(jnp.asarray(vector)), Sizes.of(lab.robot)
-    first, _ = nominal_stances(params, lab.stations(params, 0), 1)
+    sizes = Sizes.of(lab.robot)
+    first, _ = nominal_stances(planner.gait, stations(planner, 0), 1)
     front = float(first[0, :, 0].max()) + 0.06
 
     @jax.jit

@@ -13,9 +13,10 @@ from jaxleg.batch import over_lanes
 from jaxleg.leg.energy import CONVENTIONS, Convention, electrical, motor_power
 from jaxleg.robot import Robot
 from jaxleg.search import descent
-from jaxleg.search.config import Study, baseline, bounds
+from jaxleg.search.config import Study
+from jaxleg.search.contestants import baseline, bounds
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import Lab, to_params
+from jaxleg.search.lanes import Lab, Setting
 from jaxleg.search.stages import judge, spread
 from jaxleg.sim.meters import Meters, Record
 from jaxleg.sim.rollout import record
@@ -41,7 +42,7 @@ def slow(study: Study, lab: Lab, terrains: int) -> tuple[Study, Lab]:
     """Study and lab at the paper's speed under "net" power, with so many training terrains over all kinds."""
     maps = dataclasses.replace(study.terrains, train=terrains)
     study = dataclasses.replace(study, speed=SPEED, power="net", terrains=maps)
-    return study, dataclasses.replace(lab, speed=SPEED, convention="net", steps=STEPS)
+    return study, dataclasses.replace(lab, convention="net", steps=STEPS)
 
 
 def walks(lab: Lab, vectors: np.ndarray, lanes: Lanes, cycles: int = 2, stand: float = 0.0) -> Trace:
@@ -49,12 +50,12 @@ def walks(lab: Lab, vectors: np.ndarray, lanes: Lanes, cycles: int = 2, stand: f
     lab.engine  # noqa: B018  built outside of any tracing
     lane = functools.partial(_walk, lab, cycles, stand)
     return over_lanes(lane, min(lab.chunk, -(-len(vectors) // jax.local_device_count())))(
-        np.asarray(vectors, np.float32), lanes.site, lanes.setting.least_bend
+        np.asarray(vectors, np.float32), lanes.site, lanes.setting
     )
 
 
-def _walk(lab: Lab, cycles: int, stand: float, vector, site, bend) -> Trace:
-    walk = lab.walk(to_params(vector), site, lab.choose(vector, site, bend, cycles), bend)
+def _walk(lab: Lab, cycles: int, stand: float, vector, site, setting: Setting) -> Trace:
+    walk = lab.walk(vector, site, lab.choose(vector, site, setting, cycles), setting)
     track = reference(lab.robot, walk, lab.samples)
     track = stand_first(track, stand, STAND_SAMPLES) if stand else track
     meters, kept = record(lab.engine, lab.robot, lab.ground, site.terrain, track, lab.steps)
@@ -98,5 +99,5 @@ def _judged(study: Study, lab: Lab, lanes: Lanes, kind: str) -> Lanes:
     score, _ = lab.proxy_gradients(vectors, lanes.site, lanes.setting)
     energy = np.full(lanes.number, score.energy[:, CONVENTIONS.index("net")].mean())
     floor = score.checks.margin + study.search.margin_reserve
-    numbers = (jnp.asarray(x, float) for x in (lanes.setting.least_bend, floor, energy))
-    return Lanes(lanes.site, type(lanes.setting)(*numbers))
+    margin, energy = (jnp.asarray(x, float) for x in (floor, energy))
+    return Lanes(lanes.site, lanes.setting._replace(margin=margin, energy=energy))

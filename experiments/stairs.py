@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import tyro
 
@@ -19,8 +18,9 @@ from experiments.slow_walk import power_over_time, walks
 from experiments.table_one import NAMES, Table, checked, finish, planned, result, saving_ratio, spans, table
 from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.search.config import Study
+from jaxleg.search.contestants import contestant
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import Lab, Setting
+from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.sites import HELD_OUT, first_of_each, grid, make_sites
 from jaxleg.terrain.generators import stairs, terrain_keys
 
@@ -63,8 +63,7 @@ def unseen(study: Study, lab: Lab, kind: str, count: int) -> Lanes:
     """Held-out terrains of a kind: those that differ of so many drawn."""
     study = dataclasses.replace(study, terrains=dataclasses.replace(study.terrains, held_out=count * len(study.kinds)))
     site = make_sites(study, lab.robot, kind, held_out=True)
-    bend = np.deg2rad(study.kinds[kind].least_knee_bend_deg)
-    return Lanes(site, Setting(*(jnp.full(site.valid.shape[0], x, float) for x in (bend, 0.0, 1.0))))
+    return Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
 
 
 def climb(seen: Table, vector: np.ndarray, lanes: Lanes, risers: np.ndarray) -> dict[str, Any]:

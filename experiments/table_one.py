@@ -12,8 +12,9 @@ import numpy as np
 from experiments.common import setup, training, write
 from experiments.slow_walk import SPEED, STAND, STAND_SHARE, Trace, mean_over_time, power_over_time, search_gait, slow, walks
 from jaxleg.leg.energy import CONVENTIONS, cost_of_transport
-from jaxleg.search.config import PARAMETERS, Study, baseline
+from jaxleg.search.config import Study
 from jaxleg.search.contest import keeps_limits
+from jaxleg.search.contestants import baseline, short_name
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab
 from jaxleg.sim.meters import Record
@@ -125,7 +126,8 @@ def result(seen: Table) -> dict[str, Any]:
             "saving": {name: 1.0 - power[name] / power[before] for name in ("paper", "ours")},
             "cot": {name: rows[name]["cot"] for name in power},
         }
-    params = {name: dict(zip(PARAMETERS, map(float, vector))) for name, vector in seen.vectors.items()}
+    names = [short_name(leaf) for leaf in seen.lab.move]
+    params = {name: dict(zip(names, map(float, vector))) for name, vector in seen.vectors.items()}
     return {"paper": PAPER[seen.kind], "ours": ours, "contestants": rows, "params": params, "speed": SPEED}
 
 

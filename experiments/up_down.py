@@ -15,8 +15,7 @@ import tyro
 from experiments.common import setup, write
 from experiments.slow_walk import currents
 from jaxleg.conventions import JOINTS, LEGS
-from jaxleg.search.config import baseline
-from jaxleg.search.lanes import to_params
+from jaxleg.search.contestants import contestant
 from jaxleg.sim.rollout import record
 from jaxleg.terrain import Grid, flat
 from jaxleg.viz.power import draw_up_down
@@ -34,7 +33,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
     del quick
     study, lab = setup()
     ground = flat(Grid(80, 40, 0.02, (-0.8, -0.4)))
-    walk = up_down(lab.robot, to_params(jnp.asarray(baseline(study, "flat", "traditional"), float)), ground, LOW, HIGH, SECONDS)
+    walk = up_down(lab.robot, contestant(study, "flat", "traditional").gait, ground, LOW, HIGH, SECONDS)
     engine = lab.engine
 
     @jax.jit

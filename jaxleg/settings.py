@@ -6,7 +6,7 @@ A field's annotation says which TOML value it takes, `setting` what is allowed:
     span: tuple[float, float] = setting(above=0.0, unit="m")  # no default: must be given
 
 Annotations: `int`, `float`, `bool`, `str`, `Literal` of strings, `tuple` (a TOML list), a dataclass (table),
-`dict[str, X]` (a table with free names) and `X | None`, whose default is None because TOML has no null. The
+`dict[str, X]` (a table with free names, dotted ones too) and `X | None`, whose default is None because TOML has no null. The
 limits of a tuple or a dict hold for each number in it.
 """
 
@@ -89,6 +89,23 @@ def check(instance: T, source: str) -> T:
     return build(type(instance), to_table(instance), source)
 
 
+def convert(kind: Any, value: Any, source: str, key: str, rule: Mapping[str, Any]) -> Any:
+    """One value of a kind by the rule of a `setting`. Raises `InputError` for the wrong type or beyond its limits."""
+    return _Place(source, "", None, {}).at(key, kind, rule).convert(value)
+
+
+def dotted(table: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a table of tables by their dotted names."""
+    flat = dict(table)
+    while any(isinstance(value, Mapping) for value in flat.values()):  # level by level: no table is too deep
+        flat = {name: value for pair in flat.items() for name, value in _opened(*pair)}
+    return flat
+
+
+def _opened(name: str, value: Any) -> list[tuple[str, Any]]:
+    return [(f"{name}.{key}", inner) for key, inner in value.items()] if isinstance(value, Mapping) else [(name, value)]
+
+
 def from_command_line(cls: type[T], default_instance: T, args: Sequence[str], prog: str) -> T:
     """`default_instance` with the overrides in `args`, such as `--search.starts 8`.
 
@@ -134,7 +151,7 @@ class _Place:
         return _Place(self.source, f"{self.key}.{name}".lstrip(".").replace(".[", "["), kind, rule)
 
     def error(self, words: str) -> InputError:
-        return InputError(f"{self.source}: {self.key} {words}")
+        return InputError(f"{self.source}: {_shortened(self.key, 200)} {words}")
 
     def require(self, holds: bool, value: Any) -> None:
         if not holds:
@@ -177,6 +194,7 @@ class _Place:
     def named(self, value: Any) -> dict[str, Any]:
         self.require(isinstance(value, dict), value)
         kind = typing.get_args(self.kind)[1]
+        value = value if dataclasses.is_dataclass(kind) else dotted(value)  # a.b = 1 names the same as "a.b" = 1
         return {name: self.at(name, kind, self.rule).convert(entry) for name, entry in value.items()}
 
     def scalar(self, value: Any) -> Any:
@@ -224,4 +242,8 @@ def _show(value: Any) -> str:
         text = repr(value) if isinstance(value, float) else json.dumps(value, default=str, ensure_ascii=False)
     except RecursionError:
         text = "a table in a table in a table ..."
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return _shortened(text, 60)
+
+
+def _shortened(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 3]}..."

@@ -168,8 +168,8 @@ def test_outputs_are_checked_before_any_work(config, tmp_path, capsys, arguments
 
 
 def test_plan_checks_the_study_as_search_does(config, capsys):
-    error = refused(capsys, "plan", config(KIND + "[bounds]\nhip_height = [0.58, 0.40]\n"), "--terrain", "flat", *PLAN)
-    assert "bounds.hip_height" in error
+    error = refused(capsys, "plan", config(KIND + "[bounds]\ngait.hip_height = [0.58, 0.40]\n"), "--terrain", "flat", *PLAN)
+    assert "bounds.gait.hip_height" in error
 
 
 def test_a_kind_is_made_with_configs_settings():
@@ -201,6 +201,9 @@ def test_what_is_not_used_of_a_gait_is_said():
     assert "kinds.b.gait" in note
     assert "foot_offset -0.1, skew 0.1" in note
     assert "swing_height" not in note
+    (note,) = notes(Study(kinds={"c": Kind(leaves={"posture.cog.ratio": 0.4, "swing.clearance": 0.03})}), "c")
+    assert "kinds.c.leaves, paper C's planner has its own: posture.cog.ratio 0.4" in note
+    assert "clearance" not in note
 
 
 class Walk:

@@ -11,12 +11,10 @@ import tomli_w
 
 from jaxleg.cli.study import leg_numbers
 from jaxleg.conventions import InputError
-from jaxleg.gait.support import CogRule
 from jaxleg.search.checks import check_study
-from jaxleg.search.config import Kind, Study, baseline
-from jaxleg.search.lanes import to_params
+from jaxleg.search.config import Kind, Study
+from jaxleg.search.contestants import contestant
 from jaxleg.search.navigate import navigator_of
-from jaxleg.search.run import make_lab
 from jaxleg.search.sites import grid, terrain_settings
 from jaxleg.settings import load, to_table
 from jaxleg.status import Status
@@ -29,7 +27,7 @@ pytestmark = pytest.mark.slow
 
 SECONDS, FILES = 5.0, 600
 GROUND = flat(Grid(112, 52, 0.02, (-0.9, -0.51)))
-TABLE = to_table(Study(kinds={"flat": Kind(), "rough": Kind("rough")}))
+TABLE = to_table(Study(kinds={"flat": Kind(), "rough": Kind("rough", leaves={"swing.clearance": 0.03})}))
 BARE = ["", "speed", "= 1", "[kinds", "kinds = 3\n", "[kinds.flat]\ngait = 1\n", "\0", "[[kinds]]\n", "seed = 0x\n"]
 
 
@@ -93,16 +91,15 @@ def walk(pegasus):
     robot, ground = single(pegasus), single(GROUND)
 
     @jax.jit
-    def lane(vector, options):
-        seen = evaluate(robot, crawl(robot, to_params(vector), options, ground, *none))
+    def lane(gait, options):
+        seen = evaluate(robot, crawl(robot, gait, options, ground, *none))
         return jax.tree.map(jnp.sum, seen.energy), seen.distance, seen.checks
 
-    def of(study, lab, kind):
-        cog, bend = study.cog, jnp.asarray(np.deg2rad(study.kinds[kind].least_knee_bend_deg))
-        numbers = map(jnp.asarray, (lab.speed, bend, lab.clearance, lab.load_share))
-        rule, threshold = CogRule(jnp.asarray(cog.median_ratio), cog.rule), jnp.asarray(cog.height_threshold)
-        options = single(Options(*numbers, rule, threshold))
-        return lane(jnp.asarray(baseline(study, kind, "traditional"), jnp.float32), options)
+    def of(study, kind):
+        planner = single(contestant(study, kind, "traditional"))
+        posture, swing = planner.posture, planner.swing
+        numbers = planner.timing.speed, planner.limits.knee_bend, swing.clearance, swing.load_share
+        return lane(planner.gait, Options(*numbers, posture.cog, posture.height_threshold))
 
     return of
 
@@ -134,12 +131,12 @@ def test_every_spoiled_study_is_refused_in_a_sentence_or_walks_by_finite_numbers
 
 def used(walk, robot, study, name):
     """Build what a study asks for and walk each of its kinds; the statuses."""
-    lab, statuses = make_lab(study, robot), []
+    statuses = []
     for kind, table in study.kinds.items():
         assert np.isfinite([grid(study).resolution, *vars(terrain_settings(table)).values()]).all(), name
         navigator = navigator_of(study, robot, table.gait, study.terrains.resolution)
         assert all(np.isfinite(x).all() for x in jax.tree.leaves(navigator.planner)), name
-        energy, distance, checks = walk(study, lab, kind)
+        energy, distance, checks = walk(study, kind)
         numbers = [float(x) for x in (*energy, distance, *checks[:-1])]
         assert np.isfinite(numbers).all() or checks.status != Status.OK, (name, numbers)
         statuses.append(int(checks.status))

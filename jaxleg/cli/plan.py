@@ -115,9 +115,14 @@ def check_map_and_ends(ground: Any, robot: Any, gait: Any, ends: dict[str, np.nd
 
 def notes(study: Any, kind: str) -> list[str]:
     """What of CONFIG this planner does not use, though it was set."""
-    gait = study.kinds[kind].gait
+    gait, leaves = study.kinds[kind].gait, study.kinds[kind].leaves
     default = {field.name: field.default for field in dataclasses.fields(gait)}
-    unused = [f"{name} {getattr(gait, name):g}" for name in NEEDLESS if getattr(gait, name) != default[name]]
-    if not unused:
-        return []
-    return [f"not used of kinds.{kind}.gait, paper C's planner has no such number: {', '.join(unused)}"]
+    unused = {
+        "gait, paper C's planner has no such number": {n: getattr(gait, n) for n in NEEDLESS if getattr(gait, n) != default[n]},
+        "leaves, paper C's planner has its own": {n: x for n, x in leaves.items() if not n.startswith("swing.")},
+    }
+    return [
+        f"not used of kinds.{kind}.{why}: {', '.join(f'{name} {value:g}' for name, value in numbers.items())}"
+        for why, numbers in unused.items()
+        if numbers
+    ]

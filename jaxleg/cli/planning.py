@@ -39,8 +39,8 @@ STEP_FAULTS = {  # why a step cannot be made, in words
 
 def make(task: Any, console: Any) -> int:
     """Plan, write, show."""
-    terrain = task.map.terrain
-    navigator = navigator_of(task.study, task.robot, task.study.kinds[task.kind].gait, float(terrain.resolution))
+    terrain, kind = task.map.terrain, task.study.kinds[task.kind]
+    navigator = navigator_of(task.study, task.robot, kind.gait, float(terrain.resolution), kind.leaves)
     check_stance(task, navigator)
     lanes = jax.tree.map(lambda x: np.asarray(x)[None], terrain)
     start, goal = (task.ends[name].astype(lanes.elevation.dtype)[None] for name in ("start", "goal"))

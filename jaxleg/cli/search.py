@@ -41,9 +41,11 @@ def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) 
     from rich.console import Console
 
     from jaxleg.about import about
-    from jaxleg.search.run import CONTESTANTS, work
+    from jaxleg.search.contestants import CONTESTANTS, with_best
+    from jaxleg.search.run import work
     from jaxleg.search.run_folder import RunFolder
     from jaxleg.search.study import run
+    from jaxleg.settings import dump
     from jaxleg.viz.terminal import progress, result_table
 
     console = Console(width=None if sys.stdout.isatty() else 110)
@@ -57,7 +59,7 @@ def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) 
         with progress(console, work(study)) as report:
             result, chosen = run(study, robot, folder, report)
             folder.write_result(result)
-            write_best(study, folder, chosen)
+            dump(with_best(study, chosen), folder.best)
             report(work(study), "figures")
             failed = draw(study, robot, result, folder)
     except KeyboardInterrupt:
@@ -92,13 +94,3 @@ def draw(study: Any, robot: Any, result: dict[str, Any], folder: Any) -> list[st
         except Exception as error:
             failed.append(f"{folder.figures / name}: {error}")
     return failed
-
-
-def write_best(study: Any, folder: Any, chosen: dict) -> None:
-    """`best.toml`: the study with each kind's best gait in place."""
-    from jaxleg.search.config import PARAMETERS, Gait
-    from jaxleg.settings import dump
-
-    gaits = {kind: Gait(**dict(zip(PARAMETERS, map(float, best[-1])))) for kind, best in chosen.items()}
-    kinds = {kind: dataclasses.replace(table, gait=gaits[kind]) for kind, table in study.kinds.items()}
-    dump(dataclasses.replace(study, kinds=kinds), folder.best)

@@ -1,16 +1,26 @@
 """What no single key of a study's configuration shows: its settings against each other and against the robot."""
 
 import dataclasses
-from typing import NamedTuple
+import functools
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxleg.conventions import InputError
 from jaxleg.foothold.rectangle import bounding_sides
-from jaxleg.search.config import Rectangle, Study
+from jaxleg.search.config import RULES, Rectangle, Span, Study
+from jaxleg.search.contestants import rectangles, span_of
+from jaxleg.search.leaves import require_known
+from jaxleg.settings import convert
 from jaxleg.terrain.generators import KINDS
 
 MOST_CELLS = 2**31  # of all maps of a study together: 8 GiB
+HEADINGS = frozenset({"route.heading", "foothold.rectangle.heading"})
+HELD = {  # where the searched planners have a number from that no search moves
+    **{f"gait.{name}": f"contestants.paper.{name}" for name in ("hip_height", "skew", "step_length")},
+    "foothold.rectangle.length": "rectangle.search_length",
+}
 
 
 class Legs(NamedTuple):
@@ -22,8 +32,8 @@ class Legs(NamedTuple):
 
 
 def check_study(study: Study, source: str, legs: Legs) -> None:
-    """Raise `InputError`, one sentence, for too few terrains, an empty range, a map or a stance that cannot serve, or bounds
-    that no gait can meet."""
+    """Raise `InputError`, one sentence, for too few terrains, numbers that the planner does not have, an empty range, a map or
+    a stance that cannot serve, or bounds that no gait can meet."""
     if not study.kinds:
         raise InputError(f"{source}: kinds is empty, but at least one table [kinds.NAME] is needed")
     for key in ("train", "held_out"):
@@ -42,15 +52,54 @@ def check_study(study: Study, source: str, legs: Legs) -> None:
         if kind.generator not in KINDS:
             allowed = ", ".join(sorted(KINDS))
             raise InputError(f"{source}: kinds.{name}.generator is {kind.generator!r}, but must be one of {allowed}")
+    _check_leaves(study, source)
     _check_spans(study, source)
-    check_map(f"{source}: terrains.", study.terrains.cells, study.terrains.resolution, study.rectangle, legs.foot_radius)
+    for box in rectangles(study):
+        check_map(f"{source}: terrains.", study.terrains.cells, study.terrains.resolution, box, legs.foot_radius)
     _check_stances(study, source, legs)
     _check_reach(study, source, legs)
 
 
+def _check_leaves(study: Study, source: str) -> None:
+    """What is named is a number of the planner, within the limits of its key, and what moves does so once and within bounds."""
+    _require_numbers(f"{source}: bounds", study.bounds)
+    for name, span in study.bounds.items():
+        convert(Span, span, source, f"bounds.{name}", RULES[name])
+        if span[0] >= span[1]:
+            raise InputError(f"{source}: bounds.{name} is {list(span)}, but its lower end must be below its upper end")
+    _check_move(study, source)
+    for kind, table in study.kinds.items():
+        _require_numbers(f"{source}: kinds.{kind}.leaves", table.leaves)
+        for name, value in table.leaves.items():
+            key = f"kinds.{kind}.leaves.{name}"
+            if name.startswith("gait."):
+                raise InputError(f"{source}: {key} is {value:g}, but must be given as kinds.{kind}.{name}")
+            convert(float, value, source, key, RULES[name])
+
+
+def _check_move(study: Study, source: str) -> None:
+    move = study.search.move
+    if not move:
+        raise InputError(f"{source}: search.move is [], but must name at least one number of the planner")
+    _require_numbers(f"{source}: search.move", move)
+    for name in move:
+        if name not in study.bounds:
+            raise InputError(f"{source}: bounds.{name} is missing; search.move names it, so it must be a list [low, high]")
+        if move.count(name) > 1:
+            raise InputError(f"{source}: search.move names {name} {move.count(name)} times, but must name each number once")
+
+
+def _require_numbers(where: str, names: Iterable[str]) -> None:
+    for name in HEADINGS.intersection(names):
+        raise InputError(f"{where}: {name!r} may not be set, because a study's walks go along +x")
+    try:
+        require_known(names, RULES)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
 def _check_spans(study: Study, source: str) -> None:
-    spans = {f"bounds.{name}": span for name, span in dataclasses.asdict(study.bounds).items()}
-    spans |= {f"kinds.{name}.difficulty": kind.difficulty for name, kind in study.kinds.items()}
+    spans = {f"kinds.{name}.difficulty": kind.difficulty for name, kind in study.kinds.items()}
     for key, span in (spans | {"band": study.band}).items():
         if span[0] > span[1]:
             raise InputError(f"{source}: {key} is {list(span)}, but its lower end must not exceed its upper end")
@@ -91,42 +140,56 @@ def _check_stances(study: Study, source: str, legs: Legs) -> None:
                     f"{source}: {key}.skew is {skew:g}, but must be smaller than kinds.{name}.gait.stance_length,"
                     f" {kind.gait.stance_length:g}"
                 )
-    skew, shortest = max(map(abs, study.bounds.skew)), study.bounds.stance_length[0]
-    if skew >= shortest:
+    key, *ends = _searched(study, "gait.skew")
+    shortest = min(span_of(study, "gait.stance_length", [kind.gait.stance_length for kind in study.kinds.values()]))
+    if max(map(abs, ends)) >= shortest:
         raise InputError(
-            f"{source}: bounds.skew is {list(study.bounds.skew)}, but must stay below the shortest stance of"
-            f" bounds.stance_length, {shortest:g}"
+            f"{source}: {key} is {_words(*ends)}, but must stay below the shortest gait.stance_length of kinds and bounds,"
+            f" {shortest:g}"
         )
+
+
+def _searched(study: Study, leaf: str) -> tuple[str, float, float]:
+    """The key that says how far a number may go in the searched planners, and its least and greatest value."""
+    if leaf in study.search.move:
+        return f"bounds.{leaf}", *study.bounds[leaf]
+    value: Any = functools.reduce(getattr, HELD[leaf].split("."), study)
+    return HELD[leaf], value, value
+
+
+def _words(low: float, high: float) -> str:
+    return str([low, high]) if low < high else f"{low:g}"
 
 
 def _check_reach(study: Study, source: str, legs: Legs) -> None:
     """Paper A's constraints (5)-(7) and H_COG > L2 at the corner of the bounds that is easiest to meet."""
-    for key, low, high, step in (
-        ("bounds.hip_height", *study.bounds.hip_height, study.bounds.step_length),
-        ("band", *study.band, (study.contestants.paper.step_length,) * 2),
-    ):
-        half = np.sqrt(max(legs.length**2 - low**2, 0.0))
-        search = study.rectangle.search_length
-        if high <= legs.thigh:
-            raise InputError(
-                f"{source}: {key} is {[low, high]}, but H_COG > L2 (the knee's clearance) asks for more than {legs.thigh:g}"
-            )
-        if low >= legs.length:
-            raise InputError(
-                f"{source}: {key} is {[low, high]}, but the leg's length {legs.length:g} must exceed its lower end"
-            )
-        if step[0] >= half:
-            raise InputError(
-                f"{source}: the step length of at least {step[0]:g} and {key} {[low, high]} exclude each other:"
-                f" constraint (6), L_Step < sqrt(L_Leg^2 - H_COG^2), allows less than {half:.3f}"
-            )
-        if search >= 2.0 * step[1]:
-            raise InputError(
-                f"{source}: rectangle.search_length is {search:g}, but constraint (5), L_Search < 2 L_Step, allows less than"
-                f" {2.0 * step[1]:g}"
-            )
-        if search >= 2.0 * half - 0.5 * step[0]:
-            raise InputError(
-                f"{source}: rectangle.search_length is {search:g}, but constraint (7), L_Search < 2 sqrt(L_Leg^2 - H_COG^2)"
-                f" - L_Step/2, allows less than {2.0 * half - 0.5 * step[0]:.3f} at {key} {[low, high]}"
-            )
+    step, search = _searched(study, "gait.step_length"), _searched(study, "foothold.rectangle.length")
+    _check_heights(source, legs, *_searched(study, "gait.hip_height"), step[1:], search)
+    if "gait.hip_height" in study.search.move:
+        _check_heights(source, legs, "band", *study.band, (study.contestants.paper.step_length,) * 2, search)
+
+
+def _check_heights(
+    source: str, legs: Legs, key: str, low: float, high: float, step: tuple[float, float], search: tuple[str, float, float]
+) -> None:
+    """The same for a range of H_COG with a range of steps [m]."""
+    heights, half = f"{key} is {_words(low, high)}", np.sqrt(max(legs.length**2 - low**2, 0.0))
+    box, least = search[:2]
+    if high <= legs.thigh:
+        raise InputError(f"{source}: {heights}, but H_COG > L2 (the knee's clearance) asks for more than {legs.thigh:g}")
+    if low >= legs.length:
+        raise InputError(f"{source}: {heights}, but the leg's length {legs.length:g} must exceed its lower end")
+    if step[0] >= half:
+        raise InputError(
+            f"{source}: the step length of at least {step[0]:g} and {key} {_words(low, high)} exclude each other:"
+            f" constraint (6), L_Step < sqrt(L_Leg^2 - H_COG^2), allows less than {half:.3f}"
+        )
+    if least >= 2.0 * step[1]:
+        raise InputError(
+            f"{source}: {box} is {least:g}, but constraint (5), L_Search < 2 L_Step, allows less than {2.0 * step[1]:g}"
+        )
+    if least >= 2.0 * half - 0.5 * step[0]:
+        raise InputError(
+            f"{source}: {box} is {least:g}, but constraint (7), L_Search < 2 sqrt(L_Leg^2 - H_COG^2)"
+            f" - L_Step/2, allows less than {2.0 * half - 0.5 * step[0]:.3f} at {key} {_words(low, high)}"
+        )

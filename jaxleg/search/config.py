@@ -2,19 +2,30 @@
 
 import dataclasses
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
-from jaxleg.gait.params import GaitParams
 from jaxleg.gait.support import CogPoint
 from jaxleg.leg.energy import Convention
 from jaxleg.settings import setting
 from jaxleg.walk.config import Navigation
 
-PARAMETERS = tuple(field.name for field in dataclasses.fields(GaitParams))
 Span = tuple[float, float]
+BOUNDS: dict[str, Span] = {
+    "gait.hip_height": (0.40, 0.58),
+    "gait.foot_offset": (-0.20, 0.10),
+    "gait.skew": (0.0, 0.20),
+    "gait.step_length": (0.12, 0.30),
+    "gait.stance_length": (0.50, 0.80),
+    "gait.stance_width": (0.30, 0.50),
+    "gait.swing_height": (0.04, 0.12),
+    "gait.shift_share": (0.30, 0.60),
+    "gait.hind_share": (0.40, 0.60),
+    "gait.lift_share": (0.02, 0.25),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,22 +42,6 @@ class Gait:
     shift_share: float = setting(0.45, above=0.0, below=1.0, help="body shift's part of a half cycle")
     hind_share: float = setting(0.5, above=0.0, below=1.0, help="hind swing's part of the rest")
     lift_share: float = setting(0.05, min=0.0, max=0.4, help="part of a swing, at either end, straight up or down")
-
-
-@dataclasses.dataclass(frozen=True)
-class Bounds:
-    """Lower and upper bound of each parameter that a search moves; units as in `Gait`."""
-
-    hip_height: Span = setting((0.40, 0.58), above=0.0, max=2.0, unit="m")
-    foot_offset: Span = setting((-0.20, 0.10), min=-1.0, max=1.0, unit="m")
-    skew: Span = setting((0.0, 0.20), min=-1.0, max=1.0, unit="m")
-    step_length: Span = setting((0.12, 0.30), above=0.0, max=2.0, unit="m")
-    stance_length: Span = setting((0.50, 0.80), above=0.0, max=3.0, unit="m")
-    stance_width: Span = setting((0.30, 0.50), above=0.0, max=2.0, unit="m")
-    swing_height: Span = setting((0.04, 0.12), above=0.0, max=1.0, unit="m")
-    shift_share: Span = setting((0.30, 0.60), above=0.0, below=1.0)
-    hind_share: Span = setting((0.40, 0.60), above=0.0, below=1.0)
-    lift_share: Span = setting((0.02, 0.25), min=0.0, max=0.4)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,6 +80,7 @@ class Kind:
     longest_wave: float = setting(4.0, above=0.1, max=100.0, unit="m", help="fractal")
     difficulty: Span = setting((1.0, 1.0), min=0.0, max=1.0, help="range over the terrains")
     gait: Gait = setting(Gait(), help="shared gait parameters")
+    leaves: dict[str, float] = setting({}, help="other numbers of the planner by name, instead of the study's")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,6 +120,7 @@ class Cog:
 class Search:
     """The descent on the proxy, the ranking and the polish in simulation."""
 
+    move: tuple[str, ...] = setting(tuple(BOUNDS), help="numbers of the planner by name: what `best` moves within its bounds")
     starts: int = setting(5, min=1, max=10_000, help="random starts of each of the three searches")
     lanes: int = setting(2, min=1, max=1_000_000, help="terrains a start sees in one step")
     steps: int = setting(90, min=1, max=1_000_000, help="steps of the descent")
@@ -163,7 +160,7 @@ class Study:
     power: Convention = setting("positive", help="power convention that the search minimises")
     one_for_all: bool = setting(False, help="one parameter set for all kinds of terrain, not one each")
     contestants: Contestants = setting(Contestants())
-    bounds: Bounds = setting(Bounds(), help="of the search `best` that moves everything")
+    bounds: dict[str, Span] = setting(BOUNDS, help="of what a search moves; unit and limits are those of its key")
     band: Span = setting((0.48, 0.52), above=0.0, max=2.0, unit="m", help="H_COG of the search `best_i`")
     terrains: Terrains = setting(Terrains())
     rectangle: Rectangle = setting(Rectangle())
@@ -176,31 +173,29 @@ class Study:
         for name in self.kinds:  # it becomes part of file names
             if not re.fullmatch("[A-Za-z0-9_-]{1,40}", name):
                 raise ValueError(f"kinds.{name!r} must be named by 1 to 40 letters, digits, _ or -")
+        object.__setattr__(self, "bounds", BOUNDS | self.bounds)  # those that are not given stay
 
 
-MOVED: dict[str, tuple[str, ...]] = {
-    "best_i": ("hip_height", "foot_offset", "skew"),  # inside the paper's band: H 0.48-0.52, its step
-    "best_ii": ("hip_height", "foot_offset", "skew"),
-    "best": PARAMETERS,
+def _rule(table: Any, key: str) -> Mapping[str, Any]:
+    return table.__dataclass_fields__[key].metadata
+
+
+_BEND = {"min": 0.0, "max": np.deg2rad(120.0), "unit": "rad"}
+RULES: dict[str, Mapping[str, Any]] = {  # of what a study may move: those of the key that it comes from
+    **{f"gait.{field.name}": field.metadata for field in dataclasses.fields(Gait)},
+    "foothold.rectangle.length": _rule(Rectangle, "search_length"),
+    "foothold.rectangle.width": _rule(Rectangle, "search_width"),
+    "foothold.rectangle.longer": _rule(Rectangle, "longer"),
+    "foothold.rectangle.nominal_weight": _rule(Rectangle, "nominal_weight"),
+    "foothold.least_bend": _BEND,
+    "posture.cog.ratio": _rule(Cog, "median_ratio"),
+    "posture.height_threshold": _rule(Cog, "height_threshold"),
+    "timing.speed": _rule(Study, "speed"),
+    "swing.clearance": _rule(Simulation, "clearance"),
+    "swing.load_share": _rule(Simulation, "load_share"),
+    "limits.knee_bend": _BEND,
+    "limits.margin": {"min": 0.0, "max": 0.5, "unit": "m"},
 }
-Stage = Literal["best_i", "best_ii", "best"]
-BASELINES = tuple(field.name for field in dataclasses.fields(Contestants))
-
-
-def baseline(study: Study, kind: str, name: str) -> np.ndarray:
-    """Parameter vector (in the order of `PARAMETERS`) of a published contestant on a kind of terrain."""
-    gait = dataclasses.asdict(study.kinds[kind].gait) | dataclasses.asdict(getattr(study.contestants, name))
-    return np.array([gait[parameter] for parameter in PARAMETERS])
-
-
-def bounds(study: Study, kind: str, stage: str) -> np.ndarray:
-    """Bounds (parameter, 2) of a search; what it does not move has both at the kind's (or the paper's step's) value."""
-    fixed = baseline(study, kind, "paper")
-    spans = dataclasses.asdict(study.bounds)
-    if stage == "best_i":
-        spans["hip_height"] = study.band
-    rows = [spans[p] if p in MOVED[stage] else (value, value) for p, value in zip(PARAMETERS, fixed)]
-    return np.array(rows)
 
 
 def robot_path(study: Study, source: str | Path) -> Path:

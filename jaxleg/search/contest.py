@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxleg.leg.energy import CONVENTIONS
-from jaxleg.search.config import PARAMETERS
 from jaxleg.search.lanes import CONSTRAINTS, Score
 from jaxleg.sim.meters import Meters
 from jaxleg.status import Status
@@ -99,8 +98,10 @@ def savings(
     return table
 
 
-def summary(held: Contest, i: int, vector: np.ndarray, power: str, mass: float, resamples: int, seed: int) -> dict[str, Any]:
-    """One contestant on one kind of terrain, for `result.json`."""
+def summary(
+    held: Contest, i: int, params: Mapping[str, float], power: str, mass: float, resamples: int, seed: int
+) -> dict[str, Any]:
+    """One contestant on one kind of terrain, for `result.json`; `params` are its planner's numbers by name."""
     on = held.usable[i]
     energy = {
         convention: bootstrap(held.energy[i, on, c], np.mean, resamples, seed) for c, convention in enumerate(CONVENTIONS)
@@ -108,7 +109,7 @@ def summary(held: Contest, i: int, vector: np.ndarray, power: str, mass: float, 
     speed = _mean(held.distance[i, on] / held.time[i, on])
     mean = energy[power]["mean"]
     return {
-        "params": dict(zip(PARAMETERS, map(float, vector))),
+        "params": params,
         "energy_per_metre": energy,
         "cost_of_transport": None if mean is None else mean / (mass * 9.81),
         "mean_power_w": None if mean is None else mean * speed,
@@ -123,16 +124,16 @@ def summary(held: Contest, i: int, vector: np.ndarray, power: str, mass: float, 
     }
 
 
-def active_constraints(held: Contest, i: int, vector: np.ndarray, bounds: np.ndarray) -> list[str]:
+def active_constraints(held: Contest, i: int, params: Mapping[str, float], bounds: Mapping[str, Sequence[float]]) -> list[str]:
     """Names of the constraints and bounds that bind a contestant: the least slack over its lanes is within `ACTIVE`."""
     on = held.usable[i]
     if not on.any():
         return []
     slack = held.slack[i, on].min(axis=0)
     names = [name for name, value in zip(CONSTRAINTS, slack) if value < ACTIVE[name]]
-    for name, value, (low, high) in zip(PARAMETERS, vector, bounds):
+    for name, (low, high) in bounds.items():
         if high > low:
-            share = (value - low) / (high - low)
+            share = (params[name] - low) / (high - low)
             names += [f"{name} at its lower bound"] * bool(share < 0.02) + [f"{name} at its upper bound"] * bool(share > 0.98)
     return names
 

@@ -1,7 +1,7 @@
 """What a search evaluates, one lane at a time: the proxy, the simulation, and how far each constraint is from binding.
 
-A lane is a parameter vector (the order of `PARAMETERS`) on one terrain. `Lab` holds what all lanes share and offers the
-batched, compiled functions.
+A lane is a planner on one terrain; the vector that a search moves takes the place of its numbers of the names in `Lab.move`.
+`Lab` holds what all lanes share and offers the batched, compiled functions.
 """
 
 import dataclasses
@@ -16,15 +16,12 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from jaxleg.batch import in_chunks, on_devices, over_lanes
-from jaxleg.foothold.rectangle import Extent, SearchRectangle
 from jaxleg.gait.limits import gait_constraints
-from jaxleg.gait.params import GaitParams
-from jaxleg.gait.support import CogRule
 from jaxleg.leg.energy import CONVENTIONS, Convention, Power, electrical
 from jaxleg.planner import Planner
 from jaxleg.robot import Robot
-from jaxleg.route.stations import Stations, Straight
-from jaxleg.search.config import Cog
+from jaxleg.route.stations import Stations
+from jaxleg.search.leaves import read_leaves, with_leaves
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
 from jaxleg.sim.meters import Meters
@@ -34,7 +31,6 @@ from jaxleg.walk.build import build_walk
 from jaxleg.walk.choices import Choices
 from jaxleg.walk.choose import choose
 from jaxleg.walk.data import PlanChecks, Reference, Walk
-from jaxleg.walk.presets import paper_a
 from jaxleg.walk.proxy import checks as plan_checks
 from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import instants, to_reference
@@ -43,6 +39,7 @@ CYCLES = 2  # of a walk, both metered: it starts in its own periodic posture, so
 OF_PLAN = ("knee_bend", "margin", "torque", "load", "joint_range")
 CONSTRAINTS = (*OF_PLAN, "search_behind", "step_reach", "search_reach", "knee_clear")
 SCALES = np.array([np.deg2rad(1.0), 0.01, 0.05, 0.1, np.deg2rad(1.0), 0.01, 0.01, 0.01, 0.01])  # one unit of violation
+UNBOUND = -10.0  # a margin floor [m] that never binds
 LEAST_LOAD = 0.05  # every standing foot presses down with at least this share of a quarter of the weight
 
 
@@ -55,11 +52,16 @@ class LanePlan(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What a lane is judged by besides its parameters."""
+    """The planner of a lane and what it is judged by."""
 
-    least_bend: Float[Array, ""]  # least knee bend [rad]
+    planner: Planner  # a vector's numbers take the place of its own
     margin: Float[Array, ""]  # least stability margin [m]
     energy: Float[Array, ""]  # energy per metre that counts as 1 [J/m]
+
+    @property
+    def least_bend(self) -> Float[ArrayLike, "*lane"]:
+        """Least knee bend [rad]: it binds whatever a search moves."""
+        return self.planner.limits.knee_bend
 
 
 class Score(NamedTuple):
@@ -71,9 +73,10 @@ class Score(NamedTuple):
     checks: PlanChecks
 
 
-def to_params(vector: Float[Array, "parameter"]) -> GaitParams:
-    """Gait parameters from a vector in the order of `PARAMETERS`."""
-    return GaitParams(*(vector[i] for i in range(vector.shape[0])))
+def settings_of(planner: Planner, *count: int) -> Setting:
+    """The setting of a lane, or of so many, of one planner that is judged by its energy alone [J/m]."""
+    planners = jax.tree.map(lambda x: jnp.broadcast_to(x, (*count, *x.shape)), planner)
+    return Setting(planners, jnp.full(count, UNBOUND, float), jnp.ones(count, float))
 
 
 def penalty(slack: Float[Array, "constraint"]) -> Float[Array, ""]:
@@ -90,13 +93,8 @@ class Lab:
     """The robot, the engine and the numbers that all lanes of a study share."""
 
     robot: Robot
-    rectangle: SearchRectangle
+    move: tuple[str, ...]  # names of the planner's numbers that a vector holds
     ground: Ground
-    speed: float
-    clearance: float
-    load_share: float
-    cog: Cog
-    extent: Extent  # of the foothold search
     samples: tuple[int, int]
     steps: int
     chunk: int
@@ -108,53 +106,42 @@ class Lab:
         with jax.ensure_compile_time_eval():
             return mjx_engine(self.robot)
 
-    def planner(self, params: GaitParams, least_bend: Float[Array, ""]) -> Planner:
-        """Paper A's planner with a gait, at a least knee bend [rad]."""
-        ratio, threshold = (jnp.asarray(x, least_bend.dtype) for x in (self.cog.median_ratio, self.cog.height_threshold))
-        numbers = self.speed, least_bend, self.clearance, self.load_share, threshold
-        return paper_a(params, self.rectangle, self.extent, CogRule(ratio, self.cog.rule), *numbers)
+    def planner(self, vector: Float[Array, "parameter"], setting: Setting) -> Planner:
+        """The planner of one lane."""
+        return with_leaves(setting.planner, self.move, vector)
 
-    def stations(self, params: GaitParams, cycles: int = CYCLES) -> Stations:
-        """Stations of a walk of so many cycles."""
-        return Straight(self.rectangle.heading).stations(params, None, 2 * cycles + 2)
-
-    def walk(self, params: GaitParams, site: Site, choice: Choices, least_bend: Float[Array, ""]) -> Walk:
+    def walk(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> Walk:
         """The walk of one lane with its footholds chosen."""
-        cycles = choice.adjust.shape[0] // 4
-        return build_walk(self.planner(params, least_bend), self.robot, site, self.stations(params, cycles), choice)
+        planner = self.planner(vector, setting)
+        return build_walk(planner, self.robot, site, stations(planner, choice.adjust.shape[0] // 4), choice)
 
-    def choose(
-        self, vector: Float[Array, "parameter"], site: Site, least_bend: Float[Array, ""], cycles: int = CYCLES
-    ) -> Choices:
+    def choose(self, vector: Float[Array, "parameter"], site: Site, setting: Setting, cycles: int = CYCLES) -> Choices:
         """The footholds of one lane; no gradient."""
-        params = to_params(vector)
-        stations = self.stations(params, cycles)
-        return choose(self.planner(params, least_bend), self.robot, site, stations, 4 * cycles)[0]
+        planner = self.planner(vector, setting)
+        return choose(planner, self.robot, site, stations(planner, cycles), 4 * cycles)[0]
 
     def proxy(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> Score:
         """Judge one lane by the energy proxy of its walk."""
-        params = to_params(vector)
-        seen = evaluate(self.robot, self.walk(params, site, choice, setting.least_bend))
+        seen = evaluate(self.robot, self.walk(vector, site, choice, setting))
         energy = per_metre(seen.energy, seen.distance)
-        slack = self.slack(params, seen.checks, setting)
+        slack = self.slack(self.planner(vector, setting), seen.checks, setting)
         lowered = 0.1 * seen.checks.lowering**2  # among equals, the height that needs no lowering
         objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(slack) + lowered
         return Score(objective, energy, slack, seen.checks)
 
-    def slack(self, params: GaitParams, checks: PlanChecks, setting: Setting) -> Float[Array, "constraint"]:
+    def slack(self, planner: Planner, checks: PlanChecks, setting: Setting) -> Float[Array, "constraint"]:
         """Distance to each of `CONSTRAINTS`: radians, metres, share of the torque limit."""
-        height = params.hip_height - checks.lowering
-        gait = gait_constraints(self.robot, height, params.step_length, self.rectangle.length)
+        height, step, search = read_leaves(planner, ("gait.hip_height", "gait.step_length", "foothold.rectangle.length"))
+        gait = gait_constraints(self.robot, height - checks.lowering, step, search)
         of_plan = (checks.knee_bend - setting.least_bend, checks.margin - setting.margin, 1.0 - checks.torque_ratio)
         return jnp.stack([*of_plan, checks.load - LEAST_LOAD, checks.joint_room, *gait])
 
     def plan(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> LanePlan:
         """The plan of one lane, sampled for the simulation. Differentiable in `vector`, the footholds held."""
-        params = to_params(vector)
-        walk = self.walk(params, site, choice, setting.least_bend)
+        walk = self.walk(vector, site, choice, setting)
         time, at = instants(self.robot, walk, self.samples)
         checks = plan_checks(self.robot, walk, at, jnp.ones(time.shape, bool))
-        return LanePlan(to_reference(time, at), self.slack(params, checks, setting), checks)
+        return LanePlan(to_reference(time, at), self.slack(self.planner(vector, setting), checks, setting), checks)
 
     def followed(self, plan: LanePlan, site: Site, setting: Setting) -> tuple[Score, Meters]:
         """Judge one lane's plan by MJX; the constraints are those of the plan."""
@@ -176,7 +163,7 @@ class Lab:
 
         def lane(vector, site, setting):
             """Score and gradient of one lane."""
-            choice = self.choose(vector, site, setting.least_bend)
+            choice = self.choose(vector, site, setting)
 
             def value(x):
                 score = self.proxy(x, site, choice, setting)
@@ -192,7 +179,7 @@ class Lab:
         """One chunk of `plan` with the cascade's choice; compiled once for all that follow plans."""
 
         def lane(vector, site, setting):
-            return self.plan(vector, site, self.choose(vector, site, setting.least_bend), setting)
+            return self.plan(vector, site, self.choose(vector, site, setting), setting)
 
         return on_devices(jax.vmap(lane))
 
@@ -225,11 +212,16 @@ class Lab:
         """Batched gradient of the simulated objective, reverse mode through the rollout, the footholds held."""
 
         def lane(vector, site, setting):
-            choice = self.choose(vector, site, setting.least_bend)
+            choice = self.choose(vector, site, setting)
             gradient, (score, meters) = jax.grad(self.simulated, has_aux=True)(vector, site, choice, setting)
             return score, meters, gradient
 
         return over_lanes(lane, max(1, self.chunk // 2))  # reverse mode needs more memory a lane
+
+
+def stations(planner: Planner, cycles: int) -> Stations:
+    """Stations of a walk of so many cycles straight ahead."""
+    return planner.route.stations(planner.gait, None, 2 * cycles + 2)
 
 
 def per_metre(energy: Power, distance: Float[Array, ""]) -> Float[Array, "3"]:

@@ -3,7 +3,7 @@
 import dataclasses
 import difflib
 import operator
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any, TypeVar
 
 import jax
@@ -23,13 +23,17 @@ def leaf_names(tree: Any) -> list[str]:
 
 def read_leaves(tree: Any, names: Sequence[str]) -> Float[Array, "leaf"]:
     """The numbers of these names. Raises `InputError`, which suggests the nearest name, for one that does not exist."""
-    known = leaf_names(tree)
+    require_known(names, leaf_names(tree))
+    return jnp.stack([operator.attrgetter(name)(tree) for name in names])
+
+
+def require_known(names: Iterable[str], known: Collection[str]) -> None:
+    """Raises `InputError`, which suggests the nearest name, for one that is not known."""
     for name in names:
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"
-            raise InputError(f"{name!r} names no number of the planner; {hint}")
-    return jnp.stack([operator.attrgetter(name)(tree) for name in names])
+            raise InputError(f"{name[:100]!r} names no number of the planner; {hint}")
 
 
 def with_leaves(tree: Tree, names: Sequence[str], values: Float[Array, "leaf"]) -> Tree:

@@ -5,6 +5,8 @@ kind. Results are NumPy arrays with a leading axis.
 """
 
 import functools
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
@@ -14,9 +16,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.batch import layout, over_lanes, shared_out
 from jaxleg.gait.order import STEP_LEGS
-from jaxleg.gait.params import GaitParams
 from jaxleg.robot import Robot
-from jaxleg.search.config import PARAMETERS, Gait, Study
+from jaxleg.search.config import Gait, Study
+from jaxleg.search.contestants import gait_params
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
 from jaxleg.sim.follow import Followed, follow, landing_errors
@@ -39,11 +41,13 @@ class Outcome(NamedTuple):
     torque_ratio: Float[Array, ""]  # greatest planned |torque| over its limit
 
 
-def navigator_of(study: Study, robot: Robot, gait: Gait, resolution: float) -> Navigator:
-    """The planner of a study's settings on maps of a resolution [m per cell]."""
+def navigator_of(
+    study: Study, robot: Robot, gait: Gait, resolution: float, leaves: Mapping[str, float] = MappingProxyType({})
+) -> Navigator:
+    """The planner of a study's settings on maps of a resolution [m per cell]; of a kind's own numbers it takes the swing's."""
     simulation = study.simulation
-    params = GaitParams(*(jnp.asarray(getattr(gait, name), float) for name in PARAMETERS))
-    return make_navigator(robot, study.navigation, params, simulation.load_share, simulation.clearance, resolution)
+    swing = (leaves.get(f"swing.{name}", getattr(simulation, name)) for name in ("load_share", "clearance"))
+    return make_navigator(robot, study.navigation, gait_params(gait), *swing, resolution)
 
 
 def navigate(

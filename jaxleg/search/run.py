@@ -6,40 +6,25 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from jaxleg.foothold.rectangle import SearchRectangle, extent_of
 from jaxleg.robot import Robot
-from jaxleg.search.config import BASELINES, MOVED, Study, baseline
+from jaxleg.search.config import Study
 from jaxleg.search.lanes import Lab
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.sim.contact import Ground
 
-STAGES = tuple(MOVED)
-CONTESTANTS = BASELINES + STAGES
-UNBOUND = -10.0  # a margin floor [m] that never binds
 STEP_UNITS = 0.2  # units of work of a step of the descent
-
-
 Report = Callable[[float, str], None]  # where progress goes: units of work done, and a line on what is going on
 
 
 def make_lab(study: Study, robot: Robot) -> Lab:
     """The lab of a study: everything its lanes share."""
-    table, sim = study.rectangle, study.simulation
-    numbers = (table.search_length, table.search_width, table.longer, table.nominal_weight, 0.0)
-    rectangle = SearchRectangle(*(jnp.asarray(x, float) for x in numbers))
-    step = max(study.bounds.step_length[1], *(getattr(study.contestants, name).step_length for name in BASELINES))
+    sim = study.simulation
     return Lab(
         robot=robot,
-        rectangle=rectangle,
+        move=study.search.move,
         ground=Ground(friction=sim.friction),
-        speed=study.speed,
-        clearance=sim.clearance,
-        load_share=sim.load_share,
-        cog=study.cog,
-        extent=extent_of(table.search_length + table.longer, table.search_width, step, study.terrains.resolution),
         samples=(sim.shift_samples, sim.swing_samples),
         steps=sim.steps,
         chunk=sim.chunk,
@@ -88,8 +73,3 @@ class Run:
     def clock(self, stage: str, began: float) -> None:
         """Add the seconds since `began` to a stage's time."""
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
-
-
-def contestants(study: Study, kind: str, best: np.ndarray) -> np.ndarray:
-    """Parameter vectors of all contestants on a kind, in the order of `CONTESTANTS`."""
-    return np.concatenate([[baseline(study, kind, name) for name in BASELINES], best])

@@ -32,7 +32,7 @@ import numpy as np
 
 from jaxleg.conventions import InputError
 from jaxleg.files import plain, refusal, write_json
-from jaxleg.settings import dump, load, to_table, write_whole
+from jaxleg.settings import dotted, dump, load, to_table, write_whole
 
 Tree = TypeVar("Tree")
 ROOM = 2**20  # that a checkpoint must find on the disk besides its arrays [bytes]
@@ -185,7 +185,7 @@ class RunFolder:
             write_whole(self.history, whole)
 
     def _require_equal(self, path: Path, table: Any) -> None:
-        before, now = _dotted(to_table(load(type(table), path))), _dotted(to_table(table))
+        before, now = dotted(to_table(load(type(table), path))), dotted(to_table(table))
         for key in {**now, **before}:
             old, new = before.get(key, "not set"), now.get(key, "not set")
             if old != new:
@@ -265,10 +265,3 @@ def _like(leaf: Any, saved: np.ndarray | None) -> Any:
     if isinstance(leaf, (np.ndarray, np.generic)):
         return array
     return jnp.asarray(array) if hasattr(leaf, "dtype") else array.item()
-
-
-def _dotted(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for name, value in table.items():
-        flat |= _dotted(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
-    return flat

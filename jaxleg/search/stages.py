@@ -10,31 +10,32 @@ import numpy as np
 
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search import descent
-from jaxleg.search.config import baseline, bounds
+from jaxleg.search.contestants import STAGES, baseline, bounds, contestant
 from jaxleg.search.descent import Lanes, bounded
-from jaxleg.search.lanes import Lab, Setting
-from jaxleg.search.run import STAGES, STEP_UNITS, UNBOUND, Run
+from jaxleg.search.lanes import Lab, settings_of
+from jaxleg.search.run import STEP_UNITS, Run
 from jaxleg.search.sites import make_sites
 
 
 def training_lanes(state: Run, kind: str) -> Lanes:
-    """Training sites of a kind; each lane's baseline energy and its margin floor are those of `traditional` there."""
+    """Training sites of a kind; each lane's baseline energy and its margin floor are those of `traditional` there. What a
+    search does not move is the paper's."""
     began = time.perf_counter()
     site = make_sites(state.study, state.robot, kind, held_out=False)
     count = site.valid.shape[0]
-    bend = jnp.full(count, np.deg2rad(state.study.kinds[kind].least_knee_bend_deg), float)
-    setting = Setting(bend, jnp.full(count, UNBOUND, float), jnp.ones(count, float))
+    setting = settings_of(contestant(state.study, kind, "paper"), count)
 
     def measure() -> np.ndarray:
-        vectors = jnp.tile(jnp.asarray(baseline(state.study, kind, "traditional"), float), (count, 1))
-        score, _ = state.lab.proxy_gradients(vectors, site, setting)
+        vectors = np.tile(baseline(state.study, kind, "traditional"), (count, 1))
+        alone = settings_of(contestant(state.study, kind, "traditional"), count)
+        score, _ = state.lab.proxy_gradients(vectors, site, alone)
         return np.stack([score.energy[:, CONVENTIONS.index(state.study.power)], score.checks.margin])
 
     energy, margin = state.remember(f"{kind}/baseline", np.zeros((2, count), setting.energy.dtype), measure)
     floor = jnp.asarray(margin + state.study.search.margin_reserve, float)
     state.clock("baseline", began)
     state.tell(2.0, f"{kind}: baseline {np.nanmean(energy):.0f} J/m on {count} training terrains")
-    return Lanes(site, Setting(bend, floor, jnp.full(count, np.nanmean(energy), float)))
+    return Lanes(site, setting._replace(margin=floor, energy=jnp.full(count, np.nanmean(energy), float)))
 
 
 def pooled(training: dict[str, Lanes], group: tuple[str, ...]) -> Lanes:

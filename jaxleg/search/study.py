@@ -11,10 +11,11 @@ import numpy as np
 
 from jaxleg.about import about
 from jaxleg.robot import Robot
-from jaxleg.search.config import BASELINES, PARAMETERS, Study, bounds
+from jaxleg.search.config import Study
 from jaxleg.search.contest import active_constraints, nested, savings, summary
+from jaxleg.search.contestants import BASELINES, CONTESTANTS, STAGES, bounds, contestants, numbers, short_name
 from jaxleg.search.lanes import CYCLES
-from jaxleg.search.run import CONTESTANTS, STAGES, Report, Run, contestants
+from jaxleg.search.run import Report, Run
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.search.stages import polish, rank, search_group, training_lanes
 from jaxleg.search.verify import check_proxy, held_out, referee
@@ -49,16 +50,19 @@ def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -
     study, search = state.study, state.study.search
     options = (search.resamples, study.seed)
     mass = float(state.robot.mass)
-    table = {}
-    for kind in state.kinds:
-        vectors = contestants(study, kind, chosen[kind])
-        table[kind] = {
-            name: summary(held[kind], i, vectors[i], study.power, mass, *options) for i, name in enumerate(CONTESTANTS)
-        }
+    params = {kind: [numbers(study, planner) for planner in contestants(study, kind, chosen[kind])] for kind in state.kinds}
+    table = {
+        kind: {name: summary(held[kind], i, params[kind][i], study.power, mass, *options) for i, name in enumerate(CONTESTANTS)}
+        for kind in state.kinds
+    }
+
+    def spans(kind: str, name: str) -> dict[str, list[float]]:
+        return dict(zip(map(short_name, study.search.move), bounds(study, kind, name).tolist()))
+
     active = {
         kind: {
-            name: active_constraints(held[kind], len(BASELINES) + i, chosen[kind][i], bounds(study, kind, name))
-            for i, name in enumerate(STAGES)
+            name: active_constraints(held[kind], i, params[kind][i], spans(kind, name))
+            for i, name in enumerate(STAGES, len(BASELINES))
         }
         for kind in state.kinds
     }
@@ -88,7 +92,7 @@ def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -
         "saving_vs_paper": against("paper"),
         "referee": nested(refereed),
         "active_constraints": nested(active),
-        "bounds": {kind: dict(zip(PARAMETERS, bounds(study, kind, "best").tolist())) for kind in state.kinds},
+        "bounds": {kind: spans(kind, "best") for kind in state.kinds},
         "proxy": proxy,
         "power": study.power,
         "speed": study.speed,

@@ -7,26 +7,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxleg.robot import Robot
 from jaxleg.search import agreement, referees
-from jaxleg.search.config import PARAMETERS, Study, bounds
 from jaxleg.search.contest import Contest, contest
+from jaxleg.search.contestants import CONTESTANTS, STAGES, bounds, contestant, contestants
 from jaxleg.search.descent import Lanes
-from jaxleg.search.lanes import CONSTRAINTS, Setting
-from jaxleg.search.run import CONTESTANTS, STAGES, UNBOUND, Run, contestants
+from jaxleg.search.lanes import CONSTRAINTS, settings_of
+from jaxleg.search.leaves import read_leaves
+from jaxleg.search.run import Run
 from jaxleg.search.sites import make_sites, share
-
-
-def unbound_lanes(study: Study, robot: Robot, kind: str, held_out: bool) -> Lanes:
-    """All training or held-out terrains of a kind, judged by energy alone [J/m]: no margin floor."""
-    site, bend = make_sites(study, robot, kind, held_out), np.deg2rad(study.kinds[kind].least_knee_bend_deg)
-    return Lanes(site, Setting(*(jnp.full(site.valid.shape[0], x, float) for x in (bend, UNBOUND, 1.0))))
 
 
 def held_out_lanes(state: Run, kind: str, best: np.ndarray) -> tuple[np.ndarray, Lanes]:
     """All contestants on all held-out terrains of a kind, contestant by contestant."""
-    lanes, vectors = unbound_lanes(state.study, state.robot, kind, held_out=True), contestants(state.study, kind, best)
-    return np.repeat(vectors, lanes.number, axis=0), lanes.take(np.tile(np.arange(lanes.number), len(vectors)))
+    site = make_sites(state.study, state.robot, kind, held_out=True)
+    planners, count = contestants(state.study, kind, best), site.valid.shape[0]
+    parts = [Lanes(site, settings_of(planner, count)) for planner in planners]
+    vectors = np.stack([read_leaves(planner, state.study.search.move) for planner in planners])
+    return np.repeat(vectors, count, axis=0), jax.tree.map(lambda *x: np.concatenate(x), *parts)
 
 
 def held_out(state: Run, kind: str, best: np.ndarray) -> Contest:
@@ -69,24 +66,26 @@ def check_proxy(state: Run) -> dict[str, Any]:
         """Both engines' energies and gradients at random feasible gaits of all kinds."""
         parts = []
         for kind, count in zip(kinds, counts):
-            lanes, span = unbound_lanes(study, state.robot, kind, held_out=False), bounds(study, kind, STAGES[-1])
+            site = make_sites(study, state.robot, kind, held_out=False)
+            lanes = Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
+            span = bounds(study, kind, STAGES[-1])
             key = jax.random.fold_in(jax.random.key(study.seed), 200 + state.kinds.index(kind))
             parts.append((*agreement.random_gaits(state.lab, key, lanes, span, count), span))
         vectors = np.concatenate([part[0] for part in parts])
         lanes = jax.tree.map(lambda *x: jnp.concatenate(x), *(part[1] for part in parts))
         return agreement.compare(state.lab, vectors, lanes, parts[0][2])
 
-    like = empty_agreement(study.search.proxy_gaits)
+    like = empty_agreement(study.search.proxy_gaits, len(study.search.move))
     result = agreement.agreement(state.remember("proxy", like, compute))
     state.clock("proxy", began)
     state.tell(10.0, "proxy compared with simulation")
     return result
 
 
-def empty_agreement(count: int) -> agreement.Agreement:
+def empty_agreement(count: int, moved: int) -> agreement.Agreement:
     """An agreement of the right shapes and types, to load a saved one into."""
     number = np.zeros(count, np.asarray(jnp.zeros((), float)).dtype)
-    gradient = np.zeros((count, len(PARAMETERS)), number.dtype)
+    gradient = np.zeros((count, moved), number.dtype)
     flag = np.zeros(count, bool)
     return agreement.Agreement(number, number, gradient, gradient, flag, flag)
 

@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from jaxleg.search.config import RULES
 from jaxleg.viz.style import BLACK, CONTESTANT_COLOUR, CONTESTANT_MARKER, GREY, PALE, blank, label, legend_below, save
 from jaxleg.viz.terminal import NAMES
 
 STAGES = ("best_i", "best_ii", "best")
 PLACED = ("traditional", "paper", *STAGES)  # contestants whose parameters are drawn
-SHARES = ("shift_share", "hind_share", "lift_share")
 
 
 def history(csv_path: str | Path, path: str | Path) -> None:
@@ -73,12 +73,17 @@ def parameters(result: Mapping[str, Any], path: str | Path) -> None:
         label(ax, "\n".join(below), "", kind)
         ax.xaxis.label.set_fontsize(9)
         ax.tick_params(axis="y", length=0)
-    names = [name.replace("_", " ") + ("" if name in SHARES else " [m]") for name in result["bounds"][kind]]
-    axes[0].set_yticks(range(len(names)), names)
+    names = result["bounds"][kind]
+    axes[0].set_yticks(range(len(names)), [_with_unit(name) for name in names])
     axes[0].invert_yaxis()
     handles = [_mark(who, label=NAMES[who]) for who in PLACED]
     legend_below(figure, handles, 3)
     save(figure, path)
+
+
+def _with_unit(name: str) -> str:
+    unit = RULES[name if "." in name else f"gait.{name}"]["unit"]
+    return name.replace("_", " ") + (f" [{unit}]" if unit else "")
 
 
 def _mark(who: str, x: tuple = (), y: tuple = (), **options: Any) -> Line2D:

@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxleg.gait.params import GaitParams
-from jaxleg.search.config import PARAMETERS, Study
-from jaxleg.search.lanes import Lab
+from jaxleg.search.config import Study
+from jaxleg.search.contestants import contestant, short_name
+from jaxleg.search.lanes import Lab, Setting, settings_of
 from jaxleg.search.sites import make_sites
 from jaxleg.viz.gait import gait
 from jaxleg.viz.results import energy
@@ -28,7 +28,7 @@ def study_pictures(study: Study, lab: Lab, result: dict[str, Any], history_file:
     """
     first = next(iter(study.kinds))
     before, after = (result[name][first]["params"] for name in ("traditional", "best"))
-    plan = jax.jit(lambda vector, site, bend: _plan(lab, vector, site, bend))
+    plan = jax.jit(functools.partial(_plan, lab))
     return {
         "torque_maps.png": functools.partial(torque_maps, lab.robot, before, after),
         "energy.png": functools.partial(energy, result),
@@ -42,12 +42,12 @@ def _best_gait(study: Study, lab: Lab, result: dict[str, Any], plan: Callable[..
     """The best gait on the last held-out terrain of a kind; no picture where it cannot be planned."""
     sites = make_sites(study, lab.robot, kind, held_out=True)
     site = jax.tree.map(lambda x: x[-1], sites)
-    vector = jnp.asarray([result["best"][kind]["params"][name] for name in PARAMETERS], float)
-    walk, track = plan(vector, site, jnp.asarray(np.deg2rad(study.kinds[kind].least_knee_bend_deg), float))
+    vector = jnp.asarray([result["best"][kind]["params"][short_name(name)] for name in lab.move], float)
+    walk, track = plan(vector, site, settings_of(contestant(study, kind, "paper")))
     if np.isfinite(np.asarray(track.joint_torque)).all():
         gait(lab.robot, walk, track, site.terrain, path)
 
 
-def _plan(lab: Lab, vector: jax.Array, site: Any, bend: jax.Array) -> tuple[Walk, Reference]:
-    walk = lab.walk(GaitParams(*vector), site, lab.choose(vector, site, bend), bend)
+def _plan(lab: Lab, vector: jax.Array, site: Any, setting: Setting) -> tuple[Walk, Reference]:
+    walk = lab.walk(vector, site, lab.choose(vector, site, setting), setting)
     return walk, reference(lab.robot, walk, lab.samples)

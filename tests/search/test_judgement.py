@@ -1,6 +1,5 @@
 """How a lane is judged: slacks, penalty and objective worked out by hand, and what the compiled judges are made of."""
 
-import dataclasses
 import functools
 from types import SimpleNamespace
 
@@ -10,12 +9,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from jaxleg.foothold.rectangle import Extent, SearchRectangle
 from jaxleg.gait.params import GaitParams
+from jaxleg.gait.support import CogRule
 from jaxleg.leg.energy import Power
-from jaxleg.search.config import PARAMETERS
-from jaxleg.search.lanes import CONSTRAINTS, Lab, Setting, penalty, per_metre, to_params
+from jaxleg.search.lanes import CONSTRAINTS, Lab, Setting, penalty, per_metre
+from jaxleg.search.leaves import leaf_names, read_leaves
 from jaxleg.status import Status
 from jaxleg.walk.data import PlanChecks
+from jaxleg.walk.presets import paper_a
+from tests.stand_ins import StandInLab
 
 DEGREE = np.pi / 180.0
 UNITS = dict(zip(CONSTRAINTS, (DEGREE, 0.01, 0.05, 0.1, DEGREE, 0.01, 0.01, 0.01, 0.01)))  # what costs a baseline's energy
@@ -30,16 +33,12 @@ CHECKS = PlanChecks(
 )
 GAIT = GaitParams(*(jnp.asarray(x) for x in (0.5, -0.1, 0.1, 0.2, 0.62, 0.36, 0.08, 0.45, 0.5, 0.1)))
 fined, slope_of = jax.jit(penalty), jax.jit(jax.grad(penalty))
-SETTING = Setting(least_bend=jnp.asarray(0.35), margin=jnp.asarray(0.05), energy=jnp.asarray(1000.0))
+RECTANGLE = SearchRectangle(*(jnp.asarray(x) for x in (0.30, 0.08, 0.08, 0.5, 0.0)))
+PLANNER = paper_a(GAIT, RECTANGLE, Extent((0, 0), 0), CogRule(jnp.asarray(0.5)), speed=0.05, least_bend=0.35)
+SETTING = Setting(PLANNER, margin=jnp.asarray(0.05), energy=jnp.asarray(1000.0))
 
 
-@pytest.fixture(scope="module")
-def judge(pegasus):
-    """What `Lab.slack` needs of a lab: the robot, and a search rectangle 0.30 m long."""
-    return SimpleNamespace(robot=pegasus, rectangle=SimpleNamespace(length=jnp.asarray(0.30)))
-
-
-def test_every_slack_by_hand(judge, pegasus):
+def test_every_slack_by_hand(pegasus):
     """H_COG 0.50 m lowered by 0.02, L_Step 0.20, L_Search 0.30; legs as in the paper: sqrt(L_Leg^2 - H_COG^2) is `half`."""
     thigh, shank = -np.asarray(pegasus.link_offset)[0, 1:, 2]
     half = np.sqrt((thigh + shank) ** 2 - 0.48**2)
@@ -54,7 +53,7 @@ def test_every_slack_by_hand(judge, pegasus):
         "search_reach": 2.0 * half - 0.1 - 0.3,
         "knee_clear": 0.48 - thigh,
     }
-    slack = jax.jit(functools.partial(Lab.slack, judge))(GAIT, CHECKS, SETTING)
+    slack = jax.jit(functools.partial(Lab.slack, SimpleNamespace(robot=pegasus)))(PLANNER, CHECKS, SETTING)
     assert_allclose(dict(zip(CONSTRAINTS, np.asarray(slack)))["step_reach"], wanted["step_reach"], rtol=1e-12)
     assert_allclose(slack, [wanted[name] for name in CONSTRAINTS], rtol=1e-9)
 
@@ -78,7 +77,11 @@ def test_energy_per_metre_by_convention():
     assert_allclose(jax.jit(per_metre)(energy, 0.5), [200.0, 280.0, 360.0], rtol=1e-12)
 
 
-def test_a_vector_names_the_gait():
-    vector = jnp.arange(10.0)
-    assert dataclasses.asdict(to_params(vector)) == dict(zip(PARAMETERS, np.arange(10.0)))
-    assert PARAMETERS[:4] == ("hip_height", "foot_offset", "skew", "step_length")
+def test_a_vectors_numbers_take_their_places_in_the_planner_of_the_lane():
+    """The least knee bend that binds stays the lane's, whatever is moved."""
+    names = ("swing.clearance", "gait.skew", "limits.knee_bend")
+    planner = StandInLab(move=names).planner(jnp.asarray([0.07, 0.15, 0.2]), SETTING)
+    wanted = dict(zip(leaf_names(PLANNER), read_leaves(PLANNER, leaf_names(PLANNER)).tolist()))
+    wanted |= dict(zip(names, (0.07, 0.15, 0.2)))
+    assert dict(zip(leaf_names(planner), read_leaves(planner, leaf_names(planner)).tolist())) == wanted
+    assert SETTING.least_bend == 0.35

@@ -16,7 +16,8 @@ from jaxleg.conventions import GRAVITY
 from jaxleg.robot import RobotFile, build_robot
 from jaxleg.search import run as runs
 from jaxleg.search import stages, verify
-from jaxleg.search.config import Study, bounds, robot_path
+from jaxleg.search.config import Study, robot_path
+from jaxleg.search.contestants import CONTESTANTS, STAGES, bounds
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.search.sites import make_sites
 from jaxleg.search.study import run
@@ -146,19 +147,19 @@ def test_contestants_rank_as_they_must(answer, kind):
     """In three steps the search that moves everything beats those that move less and the traditional gait, in both engines;
     implied and the paper's own need less only by giving up half of the stability margin."""
     result, _, _ = answer
-    energy = {name: result[name][kind]["energy_per_metre"]["positive"]["mean"] for name in runs.CONTESTANTS}
+    energy = {name: result[name][kind]["energy_per_metre"]["positive"]["mean"] for name in CONTESTANTS}
     np.testing.assert_allclose([energy[name] for name in ("traditional", "implied", "paper")], BASELINES[kind], rtol=2e-3)
     assert energy["best"] < min(energy["best_i"], energy["best_ii"])
     assert max(energy["best_i"], energy["best_ii"]) < energy["traditional"]
     for engine in ("mjx", "mujoco"):
         assert 0.05 < result["saving"][engine]["best"][kind]["positive"]["mean"] < 0.2
     assert result["saving_vs_paper"]["mjx"]["best"][kind]["positive"]["mean"] < 0.0
-    margin = {name: result[name][kind]["min_stability_margin"] for name in runs.CONTESTANTS}
+    margin = {name: result[name][kind]["min_stability_margin"] for name in CONTESTANTS}
     assert max(margin["implied"], margin["paper"]) < 0.6 * margin["traditional"]
     assert min(margin["best_i"], margin["best_ii"], margin["best"]) > margin["traditional"]
 
 
-@pytest.mark.parametrize("name", runs.CONTESTANTS)
+@pytest.mark.parametrize("name", CONTESTANTS)
 def test_contestants_keep_what_binds_them_all(answer, name):
     """Speed, knee bend, no falls in either engine; bounds hold what a search may not move."""
     result, chosen, _ = answer
@@ -168,8 +169,8 @@ def test_contestants_keep_what_binds_them_all(answer, name):
         assert seen["min_knee_bend_deg"] > table.least_knee_bend_deg - 0.2
         assert (seen["falls"], seen["infeasible"], result["referee"][name][kind]["falls"]) == (0, 0, 0)
         assert seen["cost_of_transport"] == pytest.approx(seen["energy_per_metre"]["positive"]["mean"] / (MASS * GRAVITY))
-        if name in runs.STAGES:
-            span, vector = bounds(STUDY, kind, name), chosen[kind][runs.STAGES.index(name)]
+        if name in STAGES:
+            span, vector = bounds(STUDY, kind, name), chosen[kind][STAGES.index(name)]
             assert np.all((vector >= span[:, 0] - 1e-6) & (vector <= span[:, 1] + 1e-6))
             assert list(seen["params"].values()) == pytest.approx(list(vector))
 
@@ -187,7 +188,7 @@ def test_every_descent_goes_down(answer, whole):
     with (whole / "history.csv").open() as file:
         rows = list(csv.DictReader(file))
     for kind in STUDY.kinds:
-        for stage in runs.STAGES:
+        for stage in STAGES:
             means = [float(row["mean"]) for row in rows if (row["kind"], row["stage"]) == (kind, stage)]
             assert means == sorted(means, reverse=True)
             assert len(means) == 3

@@ -8,14 +8,15 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxleg.search import stages
-from jaxleg.search.config import PARAMETERS, Bounds, Kind, Search, Study, bounds
+from jaxleg.search.config import BOUNDS, Kind, Search, Study
+from jaxleg.search.contestants import bounds
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Setting
 from jaxleg.search.stages import judge, polish, pooled, rank, spread
 from tests.stand_ins import StandInLab, StandInRun
 
 BEST = np.array([0.55, -0.05, 0.12, 0.28, 0.6, 0.38, 0.05, 0.4, 0.5, 0.1])  # of the simulation below
-WIDTH = np.array([high - low for low, high in (getattr(Bounds(), name) for name in PARAMETERS)])
+WIDTH = np.array([high - low for low, high in BOUNDS.values()])
 
 
 def lanes(*numbers):
@@ -104,8 +105,16 @@ def test_a_polishing_step_too_long_is_halved_until_it_helps():
 def test_each_search_moves_what_it_says_and_holds_the_rest(stage):
     study = state().study
     span = bounds(study, "flat", stage)
-    moved = {name for name, (low, high) in zip(PARAMETERS, span) if high > low}
-    assert moved == ({"hip_height", "foot_offset", "skew"} if stage != "best" else set(PARAMETERS))
-    assert tuple(span[0]) == ((0.48, 0.52) if stage == "best_i" else Bounds().hip_height)
+    span = dict(zip(study.search.move, span))
+    moved = {name for name, (low, high) in span.items() if high > low}
+    assert moved == ({"gait.hip_height", "gait.foot_offset", "gait.skew"} if stage != "best" else set(BOUNDS))
+    assert tuple(span["gait.hip_height"]) == ((0.48, 0.52) if stage == "best_i" else BOUNDS["gait.hip_height"])
     if stage != "best":
-        assert_allclose(span[PARAMETERS.index("step_length")], study.contestants.paper.step_length)
+        assert_allclose(span["gait.step_length"], study.contestants.paper.step_length)
+
+
+def test_the_first_searches_move_what_of_the_stance_a_study_moves():
+    study = state(move=("posture.cog.ratio", "gait.skew")).study
+    study.bounds["posture.cog.ratio"] = (0.2, 0.8)
+    for stage, ratio in (("best_i", (0.5, 0.5)), ("best_ii", (0.5, 0.5)), ("best", (0.2, 0.8))):
+        assert_allclose(bounds(study, "flat", stage), [ratio, (0.0, 0.2)])

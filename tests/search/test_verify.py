@@ -1,5 +1,6 @@
 """The contest on held-out terrains: who walks where, what margins are measured against, which lanes the referee gets."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -7,9 +8,9 @@ import pytest
 
 from jaxleg.robot import load_robot
 from jaxleg.search import referees, verify
-from jaxleg.search.config import Kind, Search, Study, Terrains, baseline
+from jaxleg.search.config import Kind, Search, Study, Terrains
+from jaxleg.search.contestants import CONTESTANTS, baseline
 from jaxleg.search.lanes import CONSTRAINTS
-from jaxleg.search.run import CONTESTANTS
 from jaxleg.search.verify import empty_contest, held_out_lanes, referee, with_margin_slack
 from tests.stand_ins import StandInLab, StandInRun
 
@@ -38,6 +39,16 @@ def test_every_contestant_walks_on_every_held_out_terrain():
     assert len(np.unique(maps[0], axis=0)) == 5
     np.testing.assert_allclose(lanes.setting.least_bend, np.deg2rad(25.0))
     assert held_out_lanes(state(), "flat", BEST)[0].shape == (6, 10)
+
+
+def test_what_does_not_move_is_each_contestants_own():
+    """The searched ones hold the paper's."""
+    study = dataclasses.replace(STUDY, search=Search(move=("gait.skew", "gait.lift_share")))
+    best = np.array([[0.01, 0.1], [0.02, 0.1], [0.03, 0.2]])
+    vectors, lanes = held_out_lanes(StandInRun(study, StandInLab(), load_robot(ROBOT)), "flat", best)
+    np.testing.assert_allclose(vectors, [[0.0, 0.05], [0.1, 0.05], [0.1, 0.05], *best])
+    np.testing.assert_allclose(lanes.setting.planner.gait.hip_height, [0.48, 0.47, 0.50, 0.50, 0.50, 0.50])
+    np.testing.assert_allclose(lanes.setting.planner.gait.foot_offset, [0.0, -0.1, -0.1, -0.1, -0.1, -0.1])
 
 
 def test_margins_are_measured_against_the_traditional_gaits_on_the_same_terrain():
