@@ -1,4 +1,5 @@
-"""What one planner makes possible: A's parts on C's paths, C's walks with gradients, both walks' energy searched.
+"""What one planner makes possible: A's parts on C's paths, C's walks with gradients and their energy searched, B's leg that
+feels its way and its taut string under C's walks, and all three on one map.
 
 python -m experiments.one_planner [--quick]
 """
@@ -17,6 +18,7 @@ import tyro
 
 from experiments.common import setup, write
 from experiments.felt_walks import feel_the_way, single_steps, taut_string
+from experiments.three_walks import three_walks
 from experiments.walk_maps import GRID as MAP
 from experiments.walk_maps import world
 from jaxleg.batch import layout, over_lanes
@@ -85,6 +87,7 @@ def main(out: Path | None = None, quick: bool = False, parts: tuple[str, ...] = 
         "c_energy_search": lambda: c_energy_search(*setup(), *((6, 4, 3) if quick else (64, 32, 16))),
         "feeling": lambda: felt(*setup(), *((8, 2) if quick else (64, 16))),
         "taut_string": lambda: taut(*setup(), *((6, 16) if quick else (72, 256))),
+        "three_walks": lambda: side_by_side(*setup(), (out or Path("runs") / "one_planner") / "three_walks.png"),
         "c_gradients": lambda: doubled(lambda study, lab: c_gradients(lab, small(study, lab), 4 if quick else 32)),
     }
     write("one_planner", out, {name: rows[name]() for name in parts or rows} | {"quick": quick})
@@ -245,6 +248,12 @@ def taut(study: Study, lab: Lab, count: int, swings: int) -> dict[str, Any]:
     """Walks over single steps."""
     maps = single_steps(count, GRID)
     return taut_string(lab, small(study, lab), maps, ends_on(maps, NEAR), swings)
+
+
+def side_by_side(study: Study, lab: Lab, path: Path) -> dict[str, Any]:
+    """Papers A, B and C on one map of fractal ground."""
+    maps = jax.tree.map(lambda x: x[-1:], some_maps(2, 0.4))
+    return three_walks(study, lab, small(study, lab), maps, ends_on(maps), GRID, path)
 
 
 def ends_on(maps: HeightMap, goal: tuple[float, float] = GOAL) -> tuple[np.ndarray, np.ndarray]:

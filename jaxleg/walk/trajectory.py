@@ -21,7 +21,7 @@ def foot_path(
     inner = jnp.clip((jnp.asarray(share) - load_share) / (1.0 - 2.0 * load_share), 0.0, 1.0)
     swings = phase.swings[:, None]
     start, end = (jnp.sum(swings * feet, axis=0) for feet in (phase.feet_from, phase.feet_to))
-    return jnp.where(swings > 0.0, fly(start, end, phase.flight, inner, lift_share)[None], phase.feet_from)
+    return jnp.where(swings > 0.0, fly(start, end, phase.flight, inner, lift_share)[None], phase.feet_to)
 
 
 def load_weight(phase: Moves | Phases, share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]) -> Float[Array, "leg"]:
