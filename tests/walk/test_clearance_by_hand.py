@@ -113,7 +113,8 @@ way_of = jax.jit(jax.vmap(trunk_path, in_axes=(None, 0)))
 def moves(start, end, seconds):
     """Greatest acceleration of the trunk's centre, and 0.4 m times that of its turn, in a shift of so many seconds."""
     none = np.zeros((4, 3))
-    phase = Phases(np.array(0.0), np.array(seconds), start, end, none, none, jax.tree.map(lambda x: x[0], no_flights(1, float)), np.zeros(4))
+    still = jax.tree.map(lambda x: x[0], no_flights(1, start.dtype))
+    phase = Phases(np.array(0.0), np.array(seconds), start, end, none, none, still, np.zeros(4))
     path = np.asarray(way_of(phase, np.linspace(0.0, 1.0, 2001)))
     rate = np.diff(path, 2, axis=0) / (seconds / 2000) ** 2
     return np.linalg.norm(rate[:, :3], axis=1).max(), 0.4 * np.linalg.norm(rate[:, 3:], axis=1).max()
