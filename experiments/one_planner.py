@@ -239,9 +239,9 @@ def compared(lab: Lab, navigator: Navigator, numbers: np.ndarray, held: int) -> 
 
 
 def felt(study: Study, lab: Lab, count: int, twice: int) -> dict[str, Any]:
-    """Walks on cuboids and fractal ground, difficulty up to 0.5, with maps that are wrong; `count` of them."""
-    maps = some_maps(count + count // 4, 0.5)
-    return feel_the_way(lab, small(study, lab), maps, ends_on(maps, NEAR), GRID, count, twice)
+    """Walks on cuboids and fractal ground, difficulty up to 0.6, with maps that are wrong; `count` of them."""
+    maps = some_maps(count + count // 4, 0.6)
+    return feel_the_way(lab, small(study, lab), maps, ends_on(maps), GRID, count, twice)
 
 
 def taut(study: Study, lab: Lab, count: int, swings: int) -> dict[str, Any]:

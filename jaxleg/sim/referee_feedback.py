@@ -117,20 +117,24 @@ def _put(lanes: np.ndarray, values: Any, others: Any) -> np.ndarray:
     return np.where(lanes.reshape(-1, *[1] * (values.ndim - 1)), others, values)
 
 
-@functools.partial(jax.jit, static_argnums=(4, 5))
+@jax.jit
 @functools.partial(jax.vmap, in_axes=(None, 0, 0, 0, None, None))
-def _think(robot: Robot, controller: Controller[Any, None], memory: Any, seen, walked: bool, walks: bool):
+def _think(robot: Robot, controller: Controller[Any, None], memory: Any, seen, walked, walks):
     """One lane's motor control kp angles + kd velocity + torque, as the actuators of `build_model` take it, the memory that
     goes with it, and whether the walk is over. While it does not walk it holds its first pose."""
     q, v, feet, torque = (x.astype(robot.torque_constant.dtype) for x in seen)
-    memory = controller.felt(memory, torque, State(q, v)) if walked else memory
+    memory = _where(walked, controller.felt(memory, torque, State(q, v)), memory)
     jacobian = jax.vmap(foot_jacobian)(all_leg_frames(robot, q[7:].reshape(4, 3)))
     sensed = Reading(State(q, v), feet, matmul(rotation_from_quaternion(q[3:7]), jacobian))
     over = controller.over(memory)
     now, after = controller.command(memory, sensed, None)
-    velocity = now.velocity if walks else jnp.zeros_like(now.velocity)
+    velocity = jnp.where(walks, now.velocity, 0.0)
     action = robot.stiffness * now.position + robot.velocity_gain * velocity + now.torque
-    return action.reshape(-1), after if walks else memory, over
+    return action.reshape(-1), _where(walks, after, memory), over
+
+
+def _where(yes, new, old):
+    return jax.tree.map(lambda a, b: jnp.where(yes, a, b), new, old)
 
 
 class _Meter:

@@ -29,6 +29,7 @@ STUDY = Study(
     search=Search(move=MOVE, starts=2, lanes=1, steps=4),
 )
 STEP = 1e-5
+pytestmark = pytest.mark.slow  # the proxy is compiled for other numbers than in test_search.py
 
 
 @pytest.fixture(scope="module")

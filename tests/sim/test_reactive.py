@@ -1,24 +1,30 @@
 """Forces felt through the joints against the simulated contact; bounds of a swing; a walk whose map is wrong."""
 
 import dataclasses
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxleg.control.reflex import reflex
 from jaxleg.control.sensing import Smoothed, smoothed
-from jaxleg.control.swing_leg import feeling, reflexes
+from jaxleg.control.swing_leg import Feeling, feeling, reflexes
 from jaxleg.gait.order import SHIFT, SWING_LEG
 from jaxleg.gait.params import GaitParams
 from jaxleg.leg.kinematics import Reach, leg_angles
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.reactive import walk_reactively
+from jaxleg.sim.referee_feedback import PERIOD, lockstep
 from jaxleg.swing.bounds import swing_bounds
-from jaxleg.swing.machine import Mode
+from jaxleg.swing.machine import Machine, Mode
 from jaxleg.terrain.generators import Grid, flat
+from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.walk.choices import no_choice
+from jaxleg.walk.data import Walk
+from jaxleg.walk.reference import reference
 from tests.crawls import crawl, settings
 
 DT, TICKS = 0.0025, 4800
@@ -26,29 +32,48 @@ ERROR = np.array([0.03, -0.03])
 PIT, HOLE = 2, np.array([0.46, 0.18])  # the lane with a hole where the left front foot is to land, and where that is [m]
 
 
+class Walks(NamedTuple):
+    """What is walked: the ground as it is, the plans, and how the legs react."""
+
+    true: HeightMap
+    walk: Walk
+    machine: Machine
+    feel: Feeling
+
+
 @pytest.fixture(scope="module")
-def walked(pegasus):
+def planned(pegasus):
     """One cycle over level ground that the map has 3 cm too high, and too low, ahead of the first stance; and over a hole that
     it does not have."""
-    engine = mjx_engine(pegasus)
     numbers = (0.46, 0.0, 0.0, 0.16, 0.6, 0.36, 0.06, 0.45, 0.5, 0.0)
     params = GaitParams(*(jnp.asarray(x) for x in numbers))
     options = settings(bend=np.rad2deg(0.3), threshold=0.01)
-    machine = dataclasses.replace(reflexes(pegasus), limit=jnp.asarray(1.0))
     level = flat(Grid(160, 80, 0.02, (-1.2, -0.8)))
     x, y = (o + 0.02 * np.arange(n) for o, n in zip(np.asarray(level.origin), level.elevation.shape))
     hole = (np.abs(x - HOLE[0])[:, None] < 0.07) & (np.abs(y - HOLE[1])[None] < 0.07)
-    answers = jnp.array([[0.8, 1.0], [-0.8, 1.0]])
 
+    @jax.jit
+    @jax.vmap
     def lane(error, holes):
         true = dataclasses.replace(level, elevation=jnp.where(holes & hole, -0.3, level.elevation))
         believed = dataclasses.replace(level, elevation=level.elevation + jnp.where(x > 0.36, error, 0.0)[:, None])
         choice = no_choice(1, jnp.asarray(0.0).dtype)
-        walk = crawl(pegasus, params, options, believed, choice.offset, choice.found)
-        feel = dataclasses.replace(feeling(pegasus), answers=answers)
-        return walk_reactively(engine, pegasus, Ground(), true, walk, machine, feel, jnp.asarray(DT), TICKS)
+        return true, crawl(pegasus, params, options, believed, choice.offset, choice.found)
 
-    return jax.tree.map(np.asarray, jax.jit(jax.vmap(lane))(np.append(ERROR, 0.0), np.arange(3) == PIT))
+    machine = dataclasses.replace(reflexes(pegasus), limit=jnp.asarray(1.0))
+    feel = dataclasses.replace(feeling(pegasus), answers=jnp.array([[0.8, 1.0], [-0.8, 1.0]]))
+    return Walks(*lane(np.append(ERROR, 0.0), np.arange(3) == PIT), machine, feel)
+
+
+@pytest.fixture(scope="module")
+def walked(planned, pegasus):
+    """The walks in MJX."""
+    engine, dt = mjx_engine(pegasus), jnp.asarray(DT)
+
+    def lane(true, walk):
+        return walk_reactively(engine, pegasus, Ground(), true, walk, planned.machine, planned.feel, dt, TICKS)
+
+    return jax.tree.map(np.asarray, jax.jit(jax.vmap(lane))(planned.true, planned.walk))
 
 
 def test_a_walk_whose_map_is_wrong_ends_on_its_feet(walked, pegasus):
@@ -135,3 +160,17 @@ def test_the_trunk_follows_the_feet(walked):
     swung = walked.phase[0] == 3  # the shift after the first front foot has landed 3 cm under its plan
     assert np.ptp(walked.trunk[0, swung, 2]) > 0.015
     assert walked.trunk[0, swung, 2][-1] < walked.trunk[0, swung, 2][0]
+
+
+@pytest.mark.slow
+def test_the_referee_agrees(planned, walked, pegasus):
+    """C MuJoCo under the same controller: nobody falls, all come to the end, the trunk where it is in MJX."""
+    dt = jnp.asarray(PERIOD)
+    controllers = jax.jit(jax.vmap(lambda walk: reflex(pegasus, walk, planned.machine, planned.feel, dt)))(planned.walk)
+    starts = jax.jit(jax.vmap(lambda walk: reference(pegasus, walk, (4, 4))))(planned.walk)
+    lanes = [[jax.tree.map(lambda x, i=i: np.asarray(x)[i], tree) for i in range(PIT + 1)] for tree in (planned.true, starts)]
+    judged = lockstep(pegasus, lanes[0], controllers, lanes[1], 0.8, TICKS)
+    assert not judged.fell.any()
+    assert judged.over.all()
+    np.testing.assert_allclose(judged.trunk[:, :2], walked.trunk[:, -1, :2], atol=0.02)
+    np.testing.assert_allclose(judged.trunk[:, 2], walked.trunk[:, -1, 2], atol=0.01)
