@@ -1,6 +1,7 @@
 """A walk whose swinging leg feels its way: phases by a clock that waits for the foot. Paper B.
 
-Trunk and joints are commanded tick by tick, because a foot rests where it was felt, not where the map said.
+Trunk and joints are commanded tick by tick, because a foot rests where it was felt, not where the map said. As in `course` the
+trunk's place and turn are known, so that its plan is followed over the feet as they stand.
 """
 
 from typing import NamedTuple
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.control.contract import Controller, Reading, State, Tracking
+from jaxleg.control.course import held_feet
 from jaxleg.control.sensing import Joints, at_rest, felt_forces, measured
 from jaxleg.control.swing_leg import Feeling, Swinging, bounded, feel_on, foot_at, set_out, tries_again
 from jaxleg.gait.order import SHIFT
@@ -29,6 +31,7 @@ class ReflexMemory(NamedTuple):
     phase: Int[Array, ""]
     clock: Float[Array, ""]  # in the phase, standing still while the foot is under way [s]
     held: Float[Array, "leg 3"]  # where the feet stand or last stood
+    landed: Bool[Array, "leg"]  # in the last tick
     raised: Float[Array, "2"]  # trunk over its plan before and after the phase: the feet's own heights [m]
     swing: Swinging
     joints: Joints  # what has been measured of them
@@ -55,13 +58,20 @@ class Reflex(Controller[ReflexMemory, None]):
         swing = set_out(robot, self.feel, first.feet[0], walk.phases.feet_to[0, 0], hip, zero + 1.0, jnp.zeros((), jnp.int32))
         raised, force = jnp.zeros(2, zero.dtype), jnp.zeros((4, 3), zero.dtype)
         joints = at_rest(first.angles, first.torque)
-        return ReflexMemory(jnp.zeros((), jnp.int32), zero, first.feet, raised, swing, joints, force, jnp.array(False))
+        phase, landed = jnp.zeros((), jnp.int32), jnp.zeros(4, bool)
+        return ReflexMemory(phase, zero, first.feet, landed, raised, swing, joints, force, jnp.array(False))
 
     def command(self, memory: ReflexMemory, sensed: Reading, row: None) -> tuple[Tracking, ReflexMemory]:
-        """The plan's instant, with the feet where they were felt and the foot under way where its machine has it."""
+        """The plan's instant, with the feet where they stand and the foot under way where its machine has it.
+
+        A foot stands where it is when it has landed, not where it was sent: or each landing would leave the legs working
+        against each other, and trunk and feet drift apart from step to step.
+        """
         load_share = self.walk.load_share
         phase, _, swings = _now(self.walk, memory)
-        moving = under_way(self, memory)[1]
+        leg, moving = under_way(self, memory)
+        stand = held_feet(memory.held, sensed.foot, 1.0 - memory.landed.astype(self.dt.dtype), self.dt)
+        memory = memory._replace(held=jnp.where((moving & (jnp.arange(4) == leg))[:, None], memory.held, stand))
         share = jnp.where(moving, 0.5, memory.clock / phase.duration)
         weight = jnp.where(swings, load_weight(phase, share, load_share), jnp.ones_like(phase.swings))
         now = instant_of(self.robot, pose_at(_wanted(self, memory), jnp.zeros((), self.dt.dtype)), weight)
@@ -152,7 +162,8 @@ def _proceed(reflex: Reflex, at: ReflexMemory, state: State) -> ReflexMemory:
     over = clock >= phase.duration
     onward = (over & ~reflex.over(at)).astype(jnp.int32)
     clock = jnp.where(over, 0.0, clock)
-    after = at._replace(phase=at.phase + onward, clock=clock, held=held, swing=swing, contact=contact & moving)
+    landed = lands & (jnp.arange(4) == leg)
+    after = at._replace(phase=at.phase + onward, clock=clock, held=held, landed=landed, swing=swing, contact=contact & moving)
     return _set_out(reflex, after, over, again, state)
 
 
