@@ -13,7 +13,7 @@ from typing import TypeVar
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, Shaped
+from jaxtyping import Array, Bool, Float, Shaped
 
 Tree = TypeVar("Tree")
 
@@ -30,6 +30,11 @@ def foreign() -> Generator[None, None, None]:
     """Context for others' code (MJX, optax), which promotes ranks and dtypes silently as it likes; ours says what it does."""
     with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
         yield
+
+
+def select(yes: Bool[Array, ""], new: Tree, old: Tree) -> Tree:
+    """One of two trees of arrays, leaf by leaf; both are computed."""
+    return jax.tree.map(lambda a, b: jnp.where(yes, a, b), new, old)
 
 
 def sqrt_safe(x: Float[Array, "*n"]) -> Float[Array, "*n"]:

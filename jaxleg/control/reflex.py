@@ -15,7 +15,7 @@ from jaxleg.control.course import held_feet
 from jaxleg.control.sensing import Joints, at_rest, felt_forces, measured
 from jaxleg.control.swing_leg import Feeling, Swinging, bounded, feel_on, foot_at, set_out, tries_again
 from jaxleg.gait.order import SHIFT
-from jaxleg.numerics import matvec, smoothstep
+from jaxleg.numerics import matvec, select, smoothstep
 from jaxleg.pytree import pytree
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
@@ -154,7 +154,7 @@ def _proceed(reflex: Reflex, at: ReflexMemory, state: State) -> ReflexMemory:
     foot = _foot(reflex, at, phase, leg, dt)
     machine, time = bounded(reflex.machine, at.swing), _moved(reflex, phase)
     felt, contact = feel_on(machine, reflex.feel, at.swing, foot, at.force[leg], time, dt)
-    swing = jax.tree.map(lambda a, b: jnp.where(moving, a, b), felt, at.swing)
+    swing = select(moving, felt, at.swing)
     again = moving & tries_again(reflex.feel, swing)
     lands = moving & (swing.state.mode >= Mode.SUPPORTED) & ~again
     clock = jnp.where(moving, jnp.where(lands, (1.0 - share) * phase.duration, at.clock), at.clock + dt)
@@ -174,7 +174,7 @@ def _set_out(reflex: Reflex, at: ReflexMemory, begins, again, state: State) -> R
     hips = state.q[None, :3] + matvec(rotation_from_quaternion(state.q[3:7]), reflex.robot.hip_position)
     attempt = jnp.where(again, at.swing.attempt + 1, 0)
     setting = set_out(reflex.robot, feel, at.held[leg], phase.feet_to[leg], hips[leg], _moved(reflex, phase), attempt)
-    swing = jax.tree.map(lambda a, b: jnp.where((begins & swings) | again, a, b), setting, at.swing)
+    swing = select((begins & swings) | again, setting, at.swing)
     higher = jnp.where(feel.reacts, jnp.min(at.held[:, 2] - phase.feet_from[:, 2]), 0.0)  # no leg longer than planned
     raised = jnp.where(begins & ~swings, jnp.stack([at.raised[1], higher]), at.raised)
     return at._replace(swing=swing, raised=raised)

@@ -7,7 +7,6 @@ swing, planned on the map at hand; the machine's reflexes take over where the fo
 import dataclasses
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
@@ -15,7 +14,7 @@ from jaxleg.control.sensing import Senses
 from jaxleg.conventions import GRAVITY
 from jaxleg.gait.phases import Flight
 from jaxleg.leg.kinematics import reach_for_bend
-from jaxleg.numerics import norm_safe
+from jaxleg.numerics import norm_safe, select
 from jaxleg.pytree import pytree
 from jaxleg.robot import Robot
 from jaxleg.rotations import turned
@@ -157,9 +156,9 @@ def feel_on(
     at = jnp.stack([jnp.sum((foot[:2] - swing.origin[:2]) * swing.heading), foot[2]])
     after = transition(machine, swing.step, swing.state, Sensed(at, contact, slope))
     clocked = swing.state._replace(mode=jnp.full_like(after.mode, Mode.SUPPORTED))
-    after = jax.tree.map(lambda a, b: jnp.where(feel.reacts, a, b), after, clocked)
+    after = select(feel.reacts, after, clocked)
     ends = (contact & (swing.state.mode < Mode.RETURN_UP)) | over
-    state = jax.tree.map(lambda new, old: jnp.where(ends, new, old), after, swing.state)
+    state = select(ends, after, swing.state)
     armed = ~contact & (swing.armed | (strength < 0.5 * feel.threshold))
     return swing._replace(state=state, clock=jnp.where(ends, 0.0, swing.clock + dt), armed=armed), contact
 

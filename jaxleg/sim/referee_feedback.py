@@ -18,7 +18,7 @@ from jaxleg.control.course import course
 from jaxleg.leg.dynamics import all_leg_frames
 from jaxleg.leg.energy import Power
 from jaxleg.leg.kinematics import foot_jacobian
-from jaxleg.numerics import matmul
+from jaxleg.numerics import matmul, select
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.model import STEP, build_model
@@ -80,7 +80,7 @@ def lockstep(
     """Walk with controllers (leading axis lane; their `dt` is `PERIOD`), each on its own terrain from its reference's first
     sample, until all are over or have fallen, for at most so many ticks; on two threads.
 
-    Fall: as `referee`; a fallen lane is measured no further. A frame every `frame` [s].
+    Fall: as `referee`; a fallen lane is measured no further. A frame every `frame` [s]. Raises ValueError for another `dt`.
     """
     models = [build_model(robot, terrain, friction) for terrain in terrains]
     start = np.nan_to_num(np.stack([start_state(model, track) for model, track in zip(models, starts)]))
@@ -96,7 +96,9 @@ def lockstep(
                 shots.append(state[:, 1:20].copy())
             walks = tick >= 0
             seen = state[:, 1:20], state[:, 20:38], feet, torque
-            wanted, memory, over = _think(robot, controllers, memory, seen, tick > 0, walks)
+            wanted, memory, over, dt = _think(robot, controllers, memory, seen, tick > 0, walks)
+            if tick == -settle and not np.allclose(dt, PERIOD, rtol=1e-5):
+                raise ValueError(f"controllers.dt is {np.ravel(dt)[0]:g} s, but must be PERIOD = {PERIOD:g} s")
             wanted, over = np.repeat(np.asarray(wanted)[:, None], STEPS, axis=1), np.asarray(over)
             if walks and (over | meter.fell).all():
                 break
@@ -121,20 +123,16 @@ def _put(lanes: np.ndarray, values: Any, others: Any) -> np.ndarray:
 @functools.partial(jax.vmap, in_axes=(None, 0, 0, 0, None, None))
 def _think(robot: Robot, controller: Controller[Any, None], memory: Any, seen, walked, walks):
     """One lane's motor control kp angles + kd velocity + torque, as the actuators of `build_model` take it, the memory that
-    goes with it, and whether the walk is over. While it does not walk it holds its first pose."""
+    goes with it, whether the walk is over, and the tick [s]. While it does not walk it holds its first pose."""
     q, v, feet, torque = (x.astype(robot.torque_constant.dtype) for x in seen)
-    memory = _where(walked, controller.felt(memory, torque, State(q, v)), memory)
+    memory = select(walked, controller.felt(memory, torque, State(q, v)), memory)
     jacobian = jax.vmap(foot_jacobian)(all_leg_frames(robot, q[7:].reshape(4, 3)))
     sensed = Reading(State(q, v), feet, matmul(rotation_from_quaternion(q[3:7]), jacobian))
     over = controller.over(memory)
     now, after = controller.command(memory, sensed, None)
     velocity = jnp.where(walks, now.velocity, 0.0)
     action = robot.stiffness * now.position + robot.velocity_gain * velocity + now.torque
-    return action.reshape(-1), _where(walks, after, memory), over
-
-
-def _where(yes, new, old):
-    return jax.tree.map(lambda a, b: jnp.where(yes, a, b), new, old)
+    return action.reshape(-1), select(walks, after, memory), over, now.dt
 
 
 class _Meter:

@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxleg.control.contract import Controller, Reading, State
 from jaxleg.control.tracking import OpenLoop, interpolate
+from jaxleg.numerics import select
 from jaxleg.robot import Robot
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine
@@ -65,7 +66,7 @@ def ticker(world: World, controller: Controller[Any, Any], start: State, feet: F
 
     def tick(lane: Lane, row: Any, metered: Bool[Array, ""] | bool = True) -> tuple[Lane, Ticked]:
         """Sense, command, step, feel; then meters. `row` as in `Controller.command`."""
-        state = _where(lane.alive, lane.state, start)  # a fallen lane's steps stay finite
+        state = select(lane.alive, lane.state, start)  # a fallen lane's steps stay finite
         terms = engine(state.q, state.v)
         sensed = Reading(state, terms.foot, terms.foot_by_leg)
         now, memory = controller.command(lane.memory, sensed, row)
@@ -73,15 +74,11 @@ def ticker(world: World, controller: Controller[Any, Any], start: State, feet: F
         memory = controller.felt(memory, seen.torque, after)
         alive = checkpoint_name(lane.alive & ~fallen(trunk, after, seen.foot), "alive")  # no fall is looked for twice
         counted = alive & metered & ~controller.over(lane.memory)
-        after, memory = _where(alive, (after, memory), (lane.state, lane.memory))
+        after, memory = select(alive, (after, memory), (lane.state, lane.memory))
         tally = measure(lane.tally, robot, seen, after, lane.state, counted, now.dt)
         return Lane(after, memory, tally, alive), Ticked(seen, now.dt, counted)
 
     return Lane(start, controller.start(), no_tally(start.q.dtype), jnp.array(True)), tick
-
-
-def _where(yes, new, old):
-    return jax.tree.map(lambda a, b: jnp.where(yes, a, b), new, old)
 
 
 def simulate(

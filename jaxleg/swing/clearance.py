@@ -25,7 +25,8 @@ class Cycloid:
     def flight(
         self, robot: Robot, gait: GaitParams, ground: Obstacles, start: Float[Array, "3"], end: Float[Array, "3"]
     ) -> Flight:
-        """Its apex is the least one, raised until the foot clears the ground near all of its way.
+        """The cycloid between two centres of the foot in W [m]: its apex the least one, raised until the foot clears the ground
+        near all of its way (B, (2)).
 
         Between two looks the ground counts as the higher one's and the foot as the lower one's.
         """

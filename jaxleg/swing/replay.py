@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxleg.numerics import select
 from jaxleg.swing.arc import first_touch, length_to, point_at, rates
 from jaxleg.swing.blind import lifted
 from jaxleg.swing.contact import skin
@@ -38,7 +39,7 @@ def course_of(machine: Machine, step: Step, profile: Profile, segments: int) -> 
         hit = touch.hit & (state.mode < Mode.RETURN_UP)
         share = jnp.where(state.mode < Mode.RETURN_UP, touch.share, arc.end)
         after = transition(machine, step, state, Sensed(_stop(arc, share, hit), hit, touch.slope))
-        after = jax.tree.map(lambda new, old: jnp.where(state.mode >= Mode.SUPPORTED, old, new), after, state)
+        after = select(state.mode >= Mode.SUPPORTED, state, after)
         return after, Course(state.mode, state.station, share, hit)
 
     return jax.lax.scan(follow, begin(step), length=segments)[1]
@@ -68,7 +69,7 @@ def moved_on(machine: Machine, step: Step, profile: Profile, state: State, branc
         slope=jnp.where(branch.hit, slope(profile, point[0]), state.slope),
     )
     moves = branch.mode < Mode.SUPPORTED
-    after = jax.tree.map(lambda new, old: jnp.where(moves, new, old), after, state)
+    after = select(moves, after, state)
     return after, jnp.where(moves, length_to(arc, share), 0.0)
 
 

@@ -29,7 +29,7 @@ class Taut:
     def flight(
         self, robot: Robot, gait: GaitParams, ground: Obstacles, start: Float[Array, "3"], end: Float[Array, "3"]
     ) -> Flight:
-        """The route of one swing. Rounded corners take less than half of the clearance."""
+        """The route between two centres of the foot in W [m] (B, III.C); rounded corners take less than half the clearance."""
         local = section(robot, ground, start, end)
         view = _view(local, widened(local, self.clearance, WINDOW), start)
         stride = points(local)[-1]

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jaxleg.numerics import select
 from jaxleg.swing.arc import point_at
 from jaxleg.swing.blind import lifted
 from jaxleg.swing.informed import begin_informed, informed_segment
@@ -70,7 +71,7 @@ def _informed(machine, planner, step, profile, local, segments):
         point = jnp.where(state.mode == Mode.ROUTE, routed, flown)
         hit = after.informed.swing.collisions > carry.informed.swing.collisions
         hit = hit | (after.state.mode == Mode.SUPPORTED)
-        after = jax.tree.map(lambda a, b: jnp.where(state.mode >= Mode.SUPPORTED, b, a), after, carry)
+        after = select(state.mode >= Mode.SUPPORTED, carry, after)
         return after, (state.mode, point, hit, carry.local.ground)
 
     return jax.lax.scan(draw, begin_informed(machine, planner, step, local), length=segments)[1]

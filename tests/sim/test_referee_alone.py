@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from jaxleg.control.course import course
 from jaxleg.conventions import GRAVITY
 from jaxleg.sim.model import build_model
 from jaxleg.sim.referee import replay
-from jaxleg.sim.referee_feedback import follow_all
+from jaxleg.sim.referee_feedback import follow_all, lockstep
 from jaxleg.terrain.heightmap import HeightMap, height
 from jaxleg.walk.data import Reference
 from tests.motions import FEET, shift_and_step, sloping
@@ -214,3 +215,10 @@ def test_on_a_slippery_slope_it_slides_down_by_the_friction_it_was_told(pegasus,
     way = 0.5 * GRAVITY * (0.25 - 0.1) * (1.0**2 - 0.3**2) / (1.0 + 0.25**2)
     assert not verdict.fell
     np.testing.assert_allclose(verdict.moved[0], -way, rtol=0.05)
+
+
+def test_a_controller_of_another_tick_is_refused(pegasus, track):
+    rows = jax.tree.map(lambda x: np.asarray(x)[None], track)
+    wrong = jax.vmap(course, in_axes=(0, 0, None))(rows, np.array([3], np.int32), jnp.asarray(0.0025))
+    with pytest.raises(ValueError, match=r"controllers\.dt is 0\.0025 s, but must be PERIOD = 0\.004 s"):
+        lockstep(pegasus, [TERRAIN], wrong, [track], FRICTION, 4)
