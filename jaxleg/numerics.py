@@ -74,10 +74,20 @@ def add_exactly(total: Tree, lost: Tree, amount: Tree) -> tuple[Tree, Tree]:
 
 
 def cross(a: Float[Array, "*n 3"], b: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
-    """Cross product over the last axis, written out (jnp.cross moves axes about)."""
-    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
-    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
-    return jnp.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-1)
+    """Cross product over the last axis, from turned components: half the operations of writing it out."""
+    return _next(a * _next(b) - _next(a) * b)
+
+
+def cross_matrix(a: Float[Array, "*n 3"]) -> Float[Array, "*n 3 3"]:
+    """The matrix whose product with b is a x b."""
+    shape = (*a.shape, 3)
+    return cross(jnp.broadcast_to(jnp.eye(3, dtype=a.dtype), shape), jnp.broadcast_to(a[..., None, :], shape))
+
+
+def _next(x, axis=-1):
+    """Components 1, 2, 0 of three."""
+    first, later = jnp.split(x, [1], axis=axis)
+    return jnp.concatenate([later, first], axis=axis)
 
 
 def of_one_rank(a: Shaped[Array, "*n"], b: Shaped[Array, "*m"]) -> tuple[Shaped[Array, "*n2"], Shaped[Array, "*m2"]]:
@@ -118,9 +128,9 @@ def inverse3_safe(a: Float[Array, "*n 3 3"], least: float = 1e-6) -> Float[Array
 
 
 def _cofactors(a):
-    rows = [a[..., i, :] for i in range(3)]
-    columns = [cross(rows[1], rows[2]), cross(rows[2], rows[0]), cross(rows[0], rows[1])]
-    return jnp.stack(columns, axis=-1), dot(rows[0], columns[0])[..., None, None]
+    following = _next(a, axis=-2)
+    rows = cross(following, _next(following, axis=-2))
+    return jnp.swapaxes(rows, -1, -2), dot(a[..., 0, :], rows[..., 0, :])[..., None, None]
 
 
 def solve_spd6(a: Float[Array, "6 6"], b: Float[Array, "6"]) -> Float[Array, "6"]:

@@ -4,14 +4,13 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from jaxleg.numerics import cross_matrix
+
 
 def rotation_about(axis: Float[Array, "3"], angle: Float[ArrayLike, ""]) -> Float[Array, "3 3"]:
     """Rotation matrix by `angle` [rad] about a unit axis (Rodrigues)."""
     c, s = jnp.cos(angle), jnp.sin(angle)
-    x, y, z = axis[0], axis[1], axis[2]
-    zero = jnp.zeros_like(x)
-    skew = jnp.stack([zero, -z, y, z, zero, -x, -y, x, zero]).reshape(3, 3)
-    return c * jnp.eye(3, dtype=axis.dtype) + s * skew + (1.0 - c) * axis[:, None] * axis[None, :]
+    return c * jnp.eye(3, dtype=axis.dtype) + s * cross_matrix(axis) + (1.0 - c) * axis[:, None] * axis[None, :]
 
 
 def rotation_from_quaternion(quaternion: Float[Array, "4"]) -> Float[Array, "3 3"]:
@@ -30,10 +29,8 @@ def trunk_rotation(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
     """Rotation B -> W of a turn (pitch, roll, yaw) [rad]: roll to the right about x, then nose-up pitch about -y, then yaw
     to the left about z (paper C, 3.1: yaw, and roll and pitch with the ground)."""
     (cp, cr, cy), (sp, sr, sy) = jnp.cos(turn), jnp.sin(turn)
-    ahead, aside, up = (cp, -sp * sr, -sp * cr), (0.0, cr, -sr), (sp, cp * sr, cp * cr)
-    first = [cy * a - sy * b for a, b in zip(ahead, aside)]
-    second = [sy * a + cy * b for a, b in zip(ahead, aside)]
-    return jnp.stack([*first, *second, *up]).reshape(3, 3)
+    ahead, aside = jnp.stack([cp, -sp * sr, -sp * cr]), jnp.stack([jnp.zeros_like(cr), cr, -sr])
+    return jnp.stack([cy * ahead - sy * aside, sy * ahead + cy * aside, jnp.stack([sp, cp * sr, cp * cr])])
 
 
 def trunk_quaternion(turn: Float[Array, "3"]) -> Float[Array, "4"]:
@@ -56,11 +53,14 @@ def trunk_spin(turn: Float[Array, "3"], rate: Float[Array, "3"]) -> Float[Array,
 
 def turned(point: Float[Array, "*n 2"], yaw: Float[Array, ""]) -> Float[Array, "*n 2"]:
     """(ahead, left) of a heading [rad] as (x, y)."""
-    c, s = jnp.cos(yaw), jnp.sin(yaw)
-    return jnp.stack([c * point[..., 0] - s * point[..., 1], s * point[..., 0] + c * point[..., 1]], axis=-1)
+    return jnp.cos(yaw) * point + jnp.sin(yaw) * _left_of(point)
 
 
 def to_heading(point: Float[Array, "*n 2"], yaw: Float[Array, ""]) -> Float[Array, "*n 2"]:
     """(x, y) as (ahead, left) of a heading [rad]: the inverse of `turned`."""
-    c, s = jnp.cos(yaw), jnp.sin(yaw)
-    return jnp.stack([c * point[..., 0] + s * point[..., 1], c * point[..., 1] - s * point[..., 0]], axis=-1)
+    return jnp.cos(yaw) * point - jnp.sin(yaw) * _left_of(point)
+
+
+def _left_of(point):
+    """A quarter turn to the left."""
+    return jnp.stack([-point[..., 1], point[..., 0]], axis=-1)

@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxleg.leg.kinematics import LegFrames, accelerated, foot_jacobian, leg_frames
-from jaxleg.numerics import cross, dot, matmul, matvec, solve_spd6
+from jaxleg.leg.kinematics import LegFrames, accelerated, foot_jacobian, leg_frames, link_motion, running_sum
+from jaxleg.numerics import cross, cross_matrix, dot, matmul, matvec, solve_spd6
 from jaxleg.robot import Robot
 
 TANGENTIAL = 0.05  # how readily a plan uses force across the vertical, see `share_load`
@@ -56,25 +56,14 @@ def _newton_euler(mass, inertia, rotation, spin, spin_rate, acceleration):
 def _leg_inverse_dynamics(frames, hip, com, mass, inertia, velocity, acceleration, trunk):
     """Joint torques of one leg without contact or losses, and the wrench the trunk gives to it."""
     spin, spin_rate, linear = trunk
-    linear, origin = accelerated(spin, spin_rate, linear, hip), jnp.zeros_like(hip)
-    forces, moments, arms = [], [], []
-    for j in range(3):
-        linear = accelerated(spin, spin_rate, linear, frames.origin[j] - origin)
-        origin = frames.origin[j]
-        turn = frames.axis[j] * velocity[j]
-        spin_rate = spin_rate + frames.axis[j] * acceleration[j] + cross(spin, turn)
-        spin = spin + turn
-        arm = matvec(frames.rotation[j], com[j])
-        at_com = accelerated(spin, spin_rate, linear, arm)
-        force, moment = _newton_euler(mass[j], inertia[j], frames.rotation[j], spin, spin_rate, at_com)
-        forces.append(force)
-        moments.append(moment)
-        arms.append(frames.origin[j] + arm)
-    force, moment, torques = jnp.zeros(3, hip.dtype), jnp.zeros(3, hip.dtype), []
-    for j in (2, 1, 0):  # moment about the hip joint of all links from j on
-        force, moment = force + forces[j], moment + moments[j] + cross(arms[j], forces[j])
-        torques.append(dot(frames.axis[j], moment - cross(frames.origin[j], force)))
-    return jnp.stack(torques[::-1]), Wrench(force, moment + cross(hip, force))
+    move = link_motion(frames, velocity, acceleration, spin, spin_rate, accelerated(spin, spin_rate, linear, hip))
+    arm = matvec(frames.rotation, com)
+    at_com = accelerated(move.spin, move.spin_rate, move.origin, arm)
+    force, moment = _newton_euler(mass[:, None], inertia, frames.rotation, move.spin, move.spin_rate, at_com)
+    moment = moment + cross(frames.origin + arm, force)  # about the hip joint
+    force, moment = running_sum(force[::-1])[::-1], running_sum(moment[::-1])[::-1]
+    torque = dot(frames.axis, moment - cross(frames.origin, force))
+    return torque, Wrench(force[0], moment[0] + cross(hip, force[0]))
 
 
 def inverse_dynamics(robot: Robot, frames: LegFrames, motion: Motion) -> tuple[Float[Array, "leg joint"], Wrench]:
@@ -112,9 +101,7 @@ def share_load(
     up = jnp.array([0.0, 0.0, 1.0], feet.dtype) if up is None else up
     along = tangential * jnp.eye(3, dtype=feet.dtype) + (1.0 - tangential) * up[:, None] * up[None, :]
     arm = feet - (jnp.sum(weight[:, None] * feet, axis=0) / jnp.sum(weight))[None]  # about the centroid: well conditioned
-    zero = jnp.zeros_like(arm[:, 0])
-    x, y, z = arm[:, 0], arm[:, 1], arm[:, 2]
-    turn = jnp.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
+    turn = cross_matrix(arm)
     grasp = jnp.concatenate([jnp.broadcast_to(jnp.eye(3, dtype=feet.dtype), turn.shape), turn], axis=1)
     response = weight[:, None, None] * matmul(grasp, jnp.broadcast_to(along, turn.shape))  # leg, wrench, force
     normal = jnp.sum(matmul(response, jnp.swapaxes(grasp, -1, -2)), axis=0)

@@ -7,6 +7,7 @@ one leg; `vmap` them over the leading leg axis of `Robot`'s fields.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
@@ -35,15 +36,12 @@ class Reach(Code):
 
 def leg_frames(axis: Float[Array, "joint 3"], offset: Float[Array, "joint 3"], angles: Float[Array, "joint"]) -> LegFrames:
     """Frames of the three links. `axis` and `offset` are one leg's `joint_axis` and `link_offset` (paper A, eq. 2)."""
-    rotation, origin = jnp.eye(3, dtype=angles.dtype), jnp.zeros(3, angles.dtype)
-    rotations, origins, axes = [], [], []
-    for j in range(3):
-        rotation = matmul(rotation, rotation_about(axis[j], angles[j]))
-        rotations.append(rotation)
-        origins.append(origin)
-        axes.append(matvec(rotation, axis[j]))
-        origin = origin + matvec(rotation, offset[j])
-    return LegFrames(jnp.stack(rotations), jnp.stack(origins), jnp.stack(axes), origin)
+    first, second, third = jax.vmap(rotation_about)(axis, angles)
+    second = matmul(first, second)
+    rotation = jnp.stack([first, second, matmul(second, third)])
+    link = matvec(rotation, offset)
+    knee = link[0] + link[1]
+    return LegFrames(rotation, jnp.stack([jnp.zeros_like(knee), link[0], knee]), matvec(rotation, axis), knee + link[2])
 
 
 def foot_position(
@@ -65,14 +63,9 @@ def joint_rates(
 
     Large but finite at the stretched leg, where J is singular.
     """
-    inverse = inverse3_safe(foot_jacobian(frames))
+    inverse, still = inverse3_safe(foot_jacobian(frames)), jnp.zeros_like(velocity)
     rates = matvec(inverse, velocity)
-    spin, spin_rate, bias = (jnp.zeros_like(velocity) for _ in range(3))
-    for j, end in enumerate((frames.origin[1], frames.origin[2], frames.foot)):
-        turn = frames.axis[j] * rates[j]
-        spin_rate, spin = spin_rate + cross(spin, turn), spin + turn
-        arm = end - frames.origin[j]
-        bias = accelerated(spin, spin_rate, bias, arm)
+    bias = link_motion(frames, rates, still, still, still, still).end[2]
     return rates, matvec(inverse, acceleration - bias)
 
 
@@ -81,6 +74,42 @@ def accelerated(
 ) -> Float[Array, "*n 3"]:
     """Acceleration [m/s^2] of a point at `arm` [m] from a point of the same rigid body that turns so [rad/s, rad/s^2]."""
     return acceleration + cross(spin_rate, arm) + cross(spin, cross(spin, arm))
+
+
+class LinkMotion(NamedTuple):
+    """Motion of the links of one leg, in the trunk's frame."""
+
+    spin: Float[Array, "joint 3"]  # [rad/s]
+    spin_rate: Float[Array, "joint 3"]  # [rad/s^2]
+    origin: Float[Array, "joint 3"]  # acceleration of each joint [m/s^2]
+    end: Float[Array, "joint 3"]  # and of each link's far end, the last one's is the foot
+
+
+def link_motion(
+    frames: LegFrames,
+    velocity: Float[Array, "joint"],
+    acceleration: Float[Array, "joint"],
+    spin: Float[Array, "3"],
+    spin_rate: Float[Array, "3"],
+    linear: Float[Array, "3"],
+) -> LinkMotion:
+    """Motion of the links of a leg on a trunk that turns so [rad/s, rad/s^2], its hip joint accelerated by `linear` [m/s^2].
+
+    All links at once, each the sum of what the joints before it add (Newton-Euler's way out along the leg).
+    """
+    turn = frames.axis * velocity[:, None]
+    spin = spin[None] + running_sum(turn)
+    spin_rate = spin_rate[None] + running_sum(frames.axis * acceleration[:, None] + cross(spin, turn))
+    ends = jnp.concatenate([frames.origin[1:], frames.foot[None]])
+    added = accelerated(spin, spin_rate, jnp.zeros_like(turn), ends - frames.origin)
+    end = linear[None] + running_sum(added)
+    return LinkMotion(spin, spin_rate, end - added, end)
+
+
+def running_sum(x: Float[Array, "joint 3"]) -> Float[Array, "joint 3"]:
+    """Sums over each joint and those before it."""
+    second = x[0] + x[1]
+    return jnp.stack([x[0], second, second + x[2]])
 
 
 def leg_angles(

@@ -79,19 +79,28 @@ def _status(robot, walk, beyond, numbers):
 
 def _nodes(walk: Walk):
     """Phase index, share and quadrature weight (in shares of the phase) of every node of a walk."""
-    phase, share, weight, dtype = [], [], [], walk.load_share.dtype
-    for index, leg in enumerate(walk.legs):
-        for start, width, order in _pieces(walk.load_share, swing=leg != SHIFT):
-            x, w = np.polynomial.legendre.leggauss(order)
-            phase.append(np.full(order, index))
-            share.append(start + width * jnp.asarray((x + 1.0) / 2.0, dtype=dtype))
-            weight.append(width * jnp.asarray(w / 2.0, dtype=dtype))
-    return np.concatenate(phase), jnp.concatenate(share), jnp.concatenate(weight)
+    swing, shift = _quadrature(SWING_PIECES), _quadrature(SHIFT_PIECES)
+    nodes = [shift if leg == SHIFT else swing for leg in walk.legs]
+    phase = np.repeat(np.arange(len(nodes)), [node.shape[1] for node in nodes])
+    share, weight = (jnp.asarray(x, walk.load_share.dtype) for x in np.concatenate(nodes, axis=1))
+    return phase, share[:, 0] + share[:, 1] * walk.load_share, weight[:, 0] + weight[:, 1] * walk.load_share
 
 
-def _pieces(load_share, swing: bool):
-    """Smooth pieces (start, width, nodes): load off, foot up, foot down, load on; or two halves of a body shift."""
-    if not swing:
-        return [(0.0, 0.5, 4), (0.5, 0.5, 4)]
-    half = 0.5 - load_share
-    return [(0.0, load_share, 2), (load_share, half, 7), (0.5, half, 7), (1.0 - load_share, load_share, 2)]
+# Smooth pieces (start, width, nodes) of a phase; (a, b) is a + b times the share of a swing in which load goes over.
+SHIFT_PIECES = (((0.0, 0.0), (0.5, 0.0), 4), ((0.5, 0.0), (0.5, 0.0), 4))  # two halves
+SWING_PIECES = (  # load off, foot up, foot down, load on
+    ((0.0, 0.0), (0.0, 1.0), 2),
+    ((0.0, 1.0), (0.5, -1.0), 7),
+    ((0.5, 0.0), (0.5, -1.0), 7),
+    ((1.0, -1.0), (0.0, 1.0), 2),
+)
+
+
+def _quadrature(pieces):
+    """Gauss-Legendre nodes and weights of a phase's pieces: (share or weight, node, (a, b))."""
+    parts = []
+    for start, width, order in pieces:
+        x, w = np.polynomial.legendre.leggauss(order)
+        share = np.array(start) + np.outer((x + 1.0) / 2.0, width)
+        parts.append(np.stack([share, np.outer(w / 2.0, width)]))
+    return np.concatenate(parts, axis=1)

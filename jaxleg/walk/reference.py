@@ -80,10 +80,11 @@ def pose_at(path: Callable[[Array], tuple[Array, Array]], time: Float[Array, ""]
 
 def instant_of(robot: Robot, at: Pose, weight: Float[Array, "leg"]) -> Instant:
     """The reference of a pose, its feet loaded by `weight` (1 standing, 0 in the air)."""
-    spin, spin_rate, felt = _trunk_motion(at.trunk, at.trunk_rate, at.trunk_acceleration)
+    to_trunk = jnp.swapaxes(trunk_rotation(at.trunk[3:]), 0, 1)
+    spin, spin_rate = jax.jvp(trunk_spin, (at.trunk[3:], at.trunk_rate[3:]), (at.trunk_rate[3:], at.trunk_acceleration[3:]))
+    felt = matvec(to_trunk, at.trunk_acceleration[:3] + GRAVITY * jnp.array([0.0, 0.0, 1.0], at.trunk.dtype))
     angles, reach = joint_angles(robot, at.trunk, at.feet)
     frames = all_leg_frames(robot, angles)
-    to_trunk = jnp.swapaxes(trunk_rotation(at.trunk[3:]), 0, 1)
     arm = robot.hip_position + frames.foot
     foot_v = matvec(to_trunk, at.feet_rate - at.trunk_rate[None, :3]) - cross(jnp.broadcast_to(spin, arm.shape), arm)
     foot_a = matvec(to_trunk, at.feet_acceleration - at.trunk_acceleration[None, :3])
@@ -94,19 +95,12 @@ def instant_of(robot: Robot, at: Pose, weight: Float[Array, "leg"]) -> Instant:
         robot, frames, Motion(velocity, acceleration, spin, spin_rate, felt), weight, to_trunk[:, 2]
     )
     load = dot(force, to_trunk[:, 2]) / jnp.maximum(weight, 1e-3)
-    com = at.trunk[:3] + matvec(trunk_rotation(at.trunk[3:]), centre_of_mass(robot, frames))
+    com = at.trunk[:3] + matvec(to_trunk.T, centre_of_mass(robot, frames))
     bend = jax.vmap(knee_bend)(robot.joint_axis, robot.link_offset, angles)
     return Instant(
         *(angles, velocity, acceleration, torque, at.trunk, at.trunk_rate, at.feet),
         *(weight, load, com, bend, jnp.min(range_slack(robot.joint_range, angles), axis=-1), reach),
     )
-
-
-def _trunk_motion(pose, rate, acceleration):
-    """Angular velocity and acceleration, and linear acceleration less gravity, in B."""
-    spin, spin_rate = jax.jvp(trunk_spin, (pose[3:], rate[3:]), (rate[3:], acceleration[3:]))
-    felt = acceleration[:3] + GRAVITY * jnp.array([0.0, 0.0, 1.0], pose.dtype)
-    return spin, spin_rate, matvec(jnp.swapaxes(trunk_rotation(pose[3:]), 0, 1), felt)
 
 
 def reference(robot: Robot, walk: Walk, samples: tuple[int, int]) -> Reference:
