@@ -65,7 +65,7 @@ def refereed(lab: Lab, feel: Feeling, terrain: HeightMap, walk: Walk, ticks: int
     starts = jax.jit(jax.vmap(lambda w: reference(lab.robot, w, (8, 8))))(walk)
     grounds, first = ([jax.tree.map(lambda x, i=i: np.asarray(x[i]), tree) for i in range(count)] for tree in (terrain, starts))
     seen = lockstep(lab.robot, grounds, controllers, first, float(lab.ground.friction), int(ticks * DT / PERIOD))
-    return seen.fell, seen.over
+    return seen.verdict.fell, seen.over
 
 
 def length_of(walk: Walk) -> int:

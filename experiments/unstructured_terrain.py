@@ -114,8 +114,8 @@ def walk(
     }
     if referee:
         track = jax.tree.map(lambda x: np.asarray(x)[: last + 1], planned.reference)
-        judged = follow_all(lab.robot, [ground], [track], float(lab.ground.friction))
-        theirs = float(judged.mechanical_positive[0] + judged.joule[0])
+        judged = follow_all(lab.robot, [ground], [track], float(lab.ground.friction)).verdict
+        theirs = float(judged.energy.mechanical_positive[0] + judged.energy.joule[0])
         result |= {"referee_fell": bool(judged.fell[0]), "referee_energy_over_mjx": theirs / joules}
     return result
 

@@ -107,9 +107,9 @@ def refereed(
     planned = over_lanes(navigator.planned, *layout(count, MOST))(part[1])
     cut = [jax.tree.map(lambda x, i=i: x[i, : planned.last[i] + 1], planned.reference) for i in range(count)]
     grounds = [jax.tree.map(lambda x, i=i: x[i], part[0].site.terrain) for i in range(count)]
-    judged = follow_all(lab.robot, grounds, cut, float(lab.ground.friction))
+    judged = follow_all(lab.robot, grounds, cut, float(lab.ground.friction)).verdict
     ours = np.array([float(np.sum(x)) for x in _positive(seen, lanes)])
-    theirs = judged.mechanical_positive + judged.joule
+    theirs = judged.energy.mechanical_positive + judged.energy.joule
     return {
         "maps": lanes.tolist(),
         "falls": int(judged.fell.sum()),

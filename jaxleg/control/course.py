@@ -21,6 +21,7 @@ from jaxleg.control.contract import Controller, Reading, Tracking
 from jaxleg.numerics import inverse3_safe, matvec
 from jaxleg.pytree import pytree
 from jaxleg.rotations import rotation_from_quaternion
+from jaxleg.walk.between import at_time
 from jaxleg.walk.data import Reference
 
 FORGET = 1.0  # time constant with which a standing foot's place follows its slip [s]
@@ -56,16 +57,6 @@ def samples_at(rows: Rows, index: Int[Array, ""]) -> tuple[Reference, Reference]
     return Reference(*low), Reference(*high)
 
 
-def between(low: Reference, high: Reference, time: Float[Array, ""]) -> Reference:
-    """The reference at a time [s] between two samples: linear, joint angles by cubic Hermite; outside, the nearer one."""
-    interval = jnp.maximum(high.time - low.time, 1e-6)
-    s = jnp.clip((time - low.time) / interval, 0.0, 1.0)
-    row = jax.tree.map(lambda a, b: a + s * (b - a), low, high)
-    bow = s * (1.0 - s) * interval * ((1.0 - s) * low.joint_vel - s * high.joint_vel)
-    blend = s * s * (3.0 - 2.0 * s)
-    return row._replace(joint_pos=low.joint_pos + blend * (high.joint_pos - low.joint_pos) + bow)
-
-
 def corrected(row: Reference, now: Posture) -> Float[Array, "leg joint"]:
     """Joint angles [rad] of the law above for the planned `row` and the posture as it is."""
     wanted, actual = rotation_from_quaternion(_unit(row.trunk_quat)), rotation_from_quaternion(now.trunk_quat)
@@ -90,7 +81,7 @@ def _unit(quaternion):
 
 def command(low: Reference, high: Reference, time: Float[Array, ""], dt: Float[Array, ""], now: Posture) -> Tracking:
     """What the joint controllers get at a time [s] between two samples for the tick of dt [s] that begins."""
-    row, later = between(low, high, time), between(low, high, time + dt)
+    row, later = at_time(low, high, time), at_time(low, high, time + dt)
     torque = 0.5 * (row.joint_torque + later.joint_torque)
     return Tracking(corrected(row, now), later.joint_vel, torque, dt)
 

@@ -8,7 +8,7 @@ from jaxleg.leg.energy import CONVENTIONS, Power, electrical
 from jaxleg.search.contest import Contest, keeps_limits
 from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab
-from jaxleg.sim.referee import Verdict, replay
+from jaxleg.sim.referee import replay
 
 
 def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int) -> Contest:
@@ -17,17 +17,16 @@ def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int
     score, _ = lab.proxy_gradients(rows, lanes.site, lanes.setting)
     tracks = lab.plan_lanes(rows, lanes.site, lanes.setting).reference
     terrains, tracks = (unstack(jax.tree.map(np.asarray, tree)) for tree in (lanes.site.terrain, tracks))
-    verdicts = replay(lab.robot, terrains, tracks, float(lab.ground.friction))
-    seen = {name: np.array([getattr(v, name) for v in verdicts], float) for name in Verdict._fields}
-    power = Power(*(jnp.asarray(seen[name]) for name in ("mechanical", "mechanical_positive", "joule")))
+    seen = replay(lab.robot, terrains, tracks, float(lab.ground.friction))
+    power = Power(*(jnp.asarray(x) for x in seen.energy))
     total = np.stack([np.asarray(electrical(power, convention)) for convention in CONVENTIONS], axis=-1)
-    way = seen["moved"].reshape(-1, 2)[:, :1]
+    way = seen.moved[:, :1]
     energy = np.divide(total, way, out=np.full(total.shape, np.nan), where=way != 0.0)  # a fall at once goes nowhere
     infeasible = ~keeps_limits(score.checks, np.asarray(lanes.setting.least_bend))
     number = score.energy.dtype
-    fields = (energy, way[:, 0], seen["time"], seen["slip"], seen["margin"])
+    fields = (energy, way[:, 0], seen.time, seen.slip, seen.margin)
     numbers = [np.asarray(x, number) for x in fields] + [score.checks.knee_bend, score.checks.lowering]
-    data = Contest(*numbers, seen["fell"].astype(bool), infeasible, score.slack)
+    data = Contest(*numbers, seen.fell, infeasible, score.slack)
     return Contest(*(x.reshape(contestants, -1, *x.shape[1:]) for x in data))
 
 

@@ -7,44 +7,34 @@ are shared.
 
 import contextlib
 from collections.abc import Generator
-from typing import NamedTuple
 
+import jax
 import mujoco
 import numpy as np
 from mujoco import rollout
 
+from jaxleg.leg.energy import Power
 from jaxleg.robot import Robot
 from jaxleg.sim.model import STEP, build_model
-from jaxleg.sim.verdict import broken, down, grounded, measured, stand_of
+from jaxleg.sim.verdict import Verdict, broken, down, grounded, measured, stand_of
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.walk.between import at_share
 from jaxleg.walk.data import Reference
 
 SETTLE = 0.3  # the first pose is held this long before the walk [s]
 
 
-class Verdict(NamedTuple):
-    """What the referee measured over the metered part of one walk; numbers in SI units."""
-
-    mechanical: float  # [J]
-    mechanical_positive: float
-    joule: float
-    moved: np.ndarray  # how far the trunk has come (x, y) [m]
-    time: float
-    slip: float  # mean of the feet [m]
-    margin: float  # least stability margin [m]
-    fell: bool
-
-
 def replay(
     robot: Robot, terrains: list[HeightMap], references: list[Reference], friction: float, metered_from: int = 0
-) -> list[Verdict]:
+) -> Verdict:
     """Replay walks, each on its own terrain, on two threads. `metered_from` is the first metered sample of the references.
 
     A lane falls as `fall` says, its trunk's contacts being MuJoCo's; and if a foot comes over unseen ground, if MuJoCo finds
     it unstable, warned or not finite, or if the reference is not finite.
     """
     if not references:
-        return []
+        none = np.zeros(0)
+        return Verdict(Power(none, none, none), np.zeros((0, 3)), none, none, none, none.astype(bool))
     models = [build_model(robot, terrain, friction) for terrain in terrains]
     tracks = [controls(robot, reference) for reference in references]
     steps = max(len(track) for track in tracks)
@@ -54,10 +44,11 @@ def replay(
     start, control = (np.nan_to_num(x, posinf=0.0, neginf=0.0) for x in (start, control))
     with no_log(), np.errstate(over="ignore", invalid="ignore"):
         states, sensors = rollout.rollout(models, workers, start, control, skip_checks=False)
-        return [
+        alone = [
             _verdict(robot, terrains[i], reference, states[i, : len(track)], sensors[i, : len(track)], track, metered_from)
             for i, (reference, track) in enumerate(zip(references, tracks))
         ]
+    return jax.tree.map(lambda *lanes: np.concatenate(lanes), *alone)
 
 
 @contextlib.contextmanager
@@ -76,10 +67,12 @@ def controls(robot: Robot, reference: Reference) -> np.ndarray:
     """Control of every step (step, 12): the reference held for `SETTLE`, then followed on a uniform time grid."""
     time = _clock(reference)
     at = np.clip(np.arange(int(np.ceil((SETTLE + time[-1]) / STEP))) * STEP - SETTLE, 0.0, None)
-    flat = [
-        np.asarray(x, float).reshape(len(time), 12) for x in (reference.joint_pos, reference.joint_vel, reference.joint_torque)
-    ]
-    position, velocity, torque = (np.stack([np.interp(at, time, x[:, j]) for j in range(12)], axis=1) for x in flat)
+    index = np.clip(np.searchsorted(time, at, side="right") - 1, 0, max(len(time) - 2, 0))
+    tracked = jax.tree.map(lambda x: np.asarray(x, float), reference)._replace(time=time)
+    low, high = (jax.tree.map(lambda x, i=i: x[i], tracked) for i in (index, np.minimum(index + 1, len(time) - 1)))
+    share = np.clip((at - low.time) / np.maximum(high.time - low.time, 1e-6), 0.0, 1.0)
+    row = at_share(low, high, share)
+    position, velocity, torque = (x.reshape(len(at), 12) for x in (row.joint_pos, row.joint_vel, row.joint_torque))
     velocity = velocity * (at > 0.0)[:, None]
     kp, kd = (np.asarray(x, float).reshape(12) for x in (robot.stiffness, robot.velocity_gain))
     return kp * position + kd * velocity + torque
@@ -102,16 +95,11 @@ def start_state(model: mujoco.MjModel, reference: Reference) -> np.ndarray:
 
 
 def _verdict(robot, terrain, reference, states, sensors, control, metered_from) -> Verdict:
-    """The verdict on one walk, from the states after each step, the sensors seen in it and its control."""
+    """The verdict on one walk (lane axis of one), from the states after each step, the sensors seen in it and its control."""
     first = round((SETTLE + _clock(reference)[metered_from]) / STEP)
     states, sensors, control, began = states[None], sensors[None], control[None], np.zeros(1)
     seen = measured(robot, states[:, first - 1 :], sensors[:, first - 1 :], control[:, first:])
     fell = down(stand_of([terrain], [reference]), states, sensors) | grounded(sensors)
-    return Verdict(
-        **{name: float(value[0]) for name, value in seen.energy._asdict().items()},
-        moved=states[0, -1, 1:3] - states[0, first - 1, 1:3],
-        time=float((control.shape[1] - first) * STEP),
-        slip=float(seen.slip[0]),
-        margin=float(seen.margin[0]),
-        fell=bool((fell | broken(began, states, sensors, control))[0]),
-    )
+    fell = fell | broken(began, states, sensors, control)
+    moved, time = states[:, -1, 1:4] - states[:, first - 1, 1:4], np.array([(control.shape[1] - first) * STEP])
+    return Verdict(seen.energy, moved, time, seen.slip, seen.margin, fell)

@@ -22,8 +22,8 @@ from jaxleg.numerics import matmul, select
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.model import STEP, build_model
-from jaxleg.sim.referee import SETTLE, no_log, start_state
-from jaxleg.sim.verdict import Seen, Stand, applied, broken, down, grounded, measured, stand_of
+from jaxleg.sim.referee import SETTLE, no_log, replay, start_state
+from jaxleg.sim.verdict import Seen, Stand, Verdict, applied, broken, down, grounded, measured, stand_of
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.walk.data import Reference
 
@@ -31,36 +31,29 @@ STEPS = 2  # simulation steps a tick
 PERIOD = STEPS * STEP  # of a tick [s]: what a controller's `dt` must be
 
 
-class Judged(NamedTuple):
-    """What the referee measured, leading axis lane; SI units."""
+class Watched(NamedTuple):
+    """The verdict on walks with feedback, and how they went; leading axis lane."""
 
-    mechanical: np.ndarray  # [J]
-    mechanical_positive: np.ndarray
-    joule: np.ndarray
-    time: np.ndarray  # [s]
-    slip: np.ndarray  # mean of the feet [m]
-    margin: np.ndarray  # least stability margin [m]
-    fell: np.ndarray
+    verdict: Verdict
     over: np.ndarray  # the controller came to its end
-    trunk: np.ndarray  # position at the end (lane, 3)
+    trunk: np.ndarray  # position at the end (lane, 3) [m]
     shots: np.ndarray  # configuration at the start of every frame (lane, frame, 19)
 
 
 def follow_all(
     robot: Robot, terrains: list[HeightMap], references: list[Reference], friction: float, frame: float = 1.0
-) -> Judged:
+) -> Watched:
     """`lockstep` of plans under `control.course`, each followed to its last sample."""
     if not references:
-        none = np.zeros(0)
-        yes = none.astype(bool)
-        return Judged(*[none] * 6, fell=yes, over=yes, trunk=np.zeros((0, 3)), shots=np.zeros((0, 0, 19)))
+        return Watched(replay(robot, [], [], friction), np.zeros(0, bool), np.zeros((0, 3)), np.zeros((0, 0, 19)))
     last = np.array([len(track.time) - 1 for track in references], np.int32)
     whole = [jax.tree.map(lambda x: _held(np.asarray(x), int(last.max()) + 1), track) for track in references]
     tracks = jax.tree.map(lambda *x: np.stack(x), *whole)
     controllers = jax.vmap(course, in_axes=(0, 0, None))(tracks, last, jnp.asarray(PERIOD, tracks.time.dtype))
     ends = np.array([float(track.time[-1]) for track in references])
     seen = lockstep(robot, terrains, controllers, references, friction, int(np.ceil(ends.max() / PERIOD)) + 1, frame)
-    return seen._replace(time=np.minimum(seen.time, ends))  # its last tick goes on beyond it
+    verdict = seen.verdict._replace(time=np.minimum(seen.verdict.time, ends))  # its last tick goes on beyond it
+    return seen._replace(verdict=verdict)
 
 
 def _held(rows: np.ndarray, count: int) -> np.ndarray:
@@ -76,7 +69,7 @@ def lockstep(
     friction: float,
     ticks: int,
     frame: float = 1.0,
-) -> Judged:
+) -> Watched:
     """Walk with controllers (leading axis lane; their `dt` is `PERIOD`), each on its own terrain from its reference's first
     sample, until all are over or have fallen, for at most so many ticks; on two threads.
 
@@ -110,7 +103,7 @@ def lockstep(
                 state, feet, torque = (_put(meter.broken, *x) for x in ((state, start), (feet, 0.0), (torque, 0.0)))
                 memory = jax.tree.map(functools.partial(_put, meter.broken), memory, first)
     shots = np.stack(shots, axis=1) if shots else start[:, None, 1:20]
-    return meter.judged(over, shots)
+    return meter.watched(over, shots)
 
 
 def _put(lanes: np.ndarray, values: Any, others: Any) -> np.ndarray:
@@ -143,7 +136,7 @@ class _Meter:
         self.robot, self.stand, self.sensors = robot, stand, None
         self.seen = Seen(Power(*np.zeros((3, lanes))), np.zeros(lanes), np.full(lanes, np.inf))
         self.fell, self.broken, self.ticks = np.zeros(lanes, bool), np.zeros(lanes, bool), np.zeros(lanes, int)
-        self.trunk = start[:, 1:4]
+        self.trunk = self.began = start[:, 1:4]
 
     def add(self, before, states, sensors, control, counts) -> None:
         """One period of all lanes: states (lane, step, ...) after each of its steps, control as many."""
@@ -162,7 +155,8 @@ class _Meter:
         margin = np.where(counts, np.minimum(self.seen.margin, more.margin), self.seen.margin)
         self.seen = Seen(energy, self.seen.slip + np.where(counts, more.slip, 0.0), margin)
 
-    def judged(self, over: np.ndarray, shots: np.ndarray) -> Judged:
+    def watched(self, over: np.ndarray, shots: np.ndarray) -> Watched:
         """The result of lanes, those that came to their end marked."""
-        rest = dict(time=PERIOD * self.ticks, slip=self.seen.slip, margin=self.seen.margin, fell=self.fell)
-        return Judged(**self.seen.energy._asdict(), **rest, over=over & ~self.fell, trunk=self.trunk, shots=shots)
+        seen, moved = self.seen, self.trunk - self.began
+        verdict = Verdict(seen.energy, moved, PERIOD * self.ticks, seen.slip, seen.margin, self.fell)
+        return Watched(verdict, over & ~self.fell, self.trunk, shots)

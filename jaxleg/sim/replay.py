@@ -53,12 +53,13 @@ def replay_mjx(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]:
 def replay_mujoco(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]:
     """Follow a plan in C MuJoCo."""
     seen = follow_all(file.robot, [file.terrain], [file.reference], file.params["friction"], frame)
-    energy = Power(*(jnp.asarray(x[0]) for x in (seen.mechanical, seen.mechanical_positive, seen.joule)))
+    verdict = jax.tree.map(lambda x: x[0], seen.verdict)
+    energy = Power(*(jnp.asarray(x) for x in verdict.energy))
     result = {
         "engine": "mujoco",
-        **_figures(file, energy, _way(seen.trunk[0], file), seen.time[0], seen.margin[0], seen.slip[0]),
-        "fell": bool(seen.fell[0]),
-        "finished": not seen.fell[0],
+        **_figures(file, energy, _way(seen.trunk[0], file), verdict.time, verdict.margin, verdict.slip),
+        "fell": bool(verdict.fell),
+        "finished": not verdict.fell,
         "left": float(np.linalg.norm(seen.trunk[0, :2] - file.goal)),
     }
     return result, seen.shots[0]

@@ -21,6 +21,17 @@ from jaxleg.walk.data import Reference
 LOOK = 10  # steps from one look at the margin to the next: rigid feet lose contact for shorter than that
 
 
+class Verdict(NamedTuple):
+    """What the referee measured, leading axis lane; SI units."""
+
+    energy: Power  # of all joints [J]
+    moved: np.ndarray  # how far the trunk has come (lane, 3) [m]
+    time: np.ndarray  # [s]
+    slip: np.ndarray  # mean of the feet [m]
+    margin: np.ndarray  # least stability margin [m]
+    fell: np.ndarray
+
+
 class Seen(NamedTuple):
     """What the steps of a stretch come to, by lane."""
 

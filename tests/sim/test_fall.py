@@ -94,8 +94,8 @@ def test_a_trunk_on_the_ground_is_a_fall_in_mjx(simulated, standing):
 
 def test_a_trunk_on_the_ground_is_a_fall_in_mujoco(pegasus, standing):
     grounds, tracks = [single(ground) for ground, _ in TRUNK_MEETS.values()], [standing] * len(EXPECTED)
-    assert [verdict.fell for verdict in replay(pegasus, grounds, tracks, 0.8)] == EXPECTED
-    assert follow_all(pegasus, grounds, tracks, 0.8).fell.tolist() == EXPECTED
+    assert replay(pegasus, grounds, tracks, 0.8).fell.tolist() == EXPECTED
+    assert follow_all(pegasus, grounds, tracks, 0.8).verdict.fell.tolist() == EXPECTED
 
 
 def spoiled(track, **changes):
@@ -116,11 +116,10 @@ def test_what_cannot_be_computed_is_a_fall_and_leaves_no_log(pegasus, simulated,
     assert meters.fell[1:].tolist() == [True, True] + [False] * (lanes - 3)
     assert followed.meters.fell.tolist() == [True, True, True] + [False] * (lanes - 3)
     assert np.isfinite(followed.meters.energy.joule).all()
-    verdicts = replay(pegasus, terrains, bad, 0.8)
-    assert [verdict.fell for verdict in verdicts][1:] == [True, True, False]
-    judged = follow_all(pegasus, terrains, bad, 0.8)
+    assert replay(pegasus, terrains, bad, 0.8).fell[1:].tolist() == [True, True, False]
+    judged = follow_all(pegasus, terrains, bad, 0.8).verdict
     assert judged.fell.tolist() == [True, True, True, False]
-    assert np.isfinite(judged.joule).all()
+    assert np.isfinite(judged.energy.joule).all()
     assert judged.time[-1] == pytest.approx(0.3, abs=0.004)
     assert os.listdir(tmp_path) == []
 

@@ -5,11 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.control.course import Posture, between, corrected, held_feet, samples_at, to_rows
+from jaxleg.control.course import Posture, corrected, held_feet, samples_at, to_rows
 from jaxleg.leg.dynamics import all_leg_frames
 from jaxleg.leg.kinematics import foot_jacobian
 from jaxleg.posture.body import joint_angles
 from jaxleg.rotations import trunk_quaternion, trunk_rotation
+from jaxleg.walk.between import at_time
 from jaxleg.walk.data import Reference
 
 FEET = np.array([[0.36, 0.2, 0.03], [0.28, -0.2, 0.0], [-0.28, 0.2, 0.01], [-0.36, -0.2, -0.02]])
@@ -84,7 +85,7 @@ def test_looking_up_a_reference_interpolates_its_samples(pegasus):
     low, high = jax.jit(lambda reference, index: samples_at(to_rows(reference), index))(reference, 1)
     for mine, whole in zip(low, reference):
         np.testing.assert_allclose(mine, whole[1])
-    at, after = (jax.jit(between)(low, high, time) for time in (0.2, 0.9))
+    at, after = (jax.jit(at_time)(low, high, time) for time in (0.2, 0.9))
     np.testing.assert_allclose(at.joint_pos, 0.2**3 * rates, atol=1e-12)
     np.testing.assert_allclose(at.joint_torque, 0.2 * np.arange(1.0, 13.0).reshape(4, 3), atol=1e-12)
     np.testing.assert_allclose(after.trunk_pos, trunk[2], atol=1e-12)

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from jaxleg.control.contract import State
-from jaxleg.control.course import Posture, between, command, corrected, held_feet
+from jaxleg.control.course import Posture, command, corrected, held_feet
 from jaxleg.control.sensing import Joints, Smoothed, at_rest, felt_forces, measured, smoothed
 from jaxleg.control.swing_leg import feeling
 from jaxleg.leg.dynamics import all_leg_frames
 from jaxleg.leg.kinematics import foot_jacobian, foot_position
 from jaxleg.posture.body import joint_angles
 from jaxleg.rotations import trunk_quaternion, trunk_rotation
+from jaxleg.walk.between import at_time
 from jaxleg.walk.data import Reference
 
 SHAPES = ((), (4, 3), (4, 3), (4, 3), (3,), (4,), (6,), (4, 3), (4,))
@@ -22,7 +23,7 @@ FEET = np.array([[0.36, 0.2, 0.03], [0.28, -0.2, 0.0], [-0.28, 0.2, 0.01], [-0.3
 PLANNED = np.array([0.02, 0.01, 0.46, 0.05, -0.04, 0.3])
 OFF = np.array([0.6, -0.5, 0.4, 0.7, -0.8, 0.9])  # of the trunk, times a small number
 SLIPPED = np.random.default_rng(0).normal(size=(4, 3))
-look, rotation_of = jax.jit(between), jax.jit(trunk_rotation)
+look, rotation_of = jax.jit(at_time), jax.jit(trunk_rotation)
 
 
 def sample(seed, time):

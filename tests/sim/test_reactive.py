@@ -170,7 +170,7 @@ def test_the_referee_agrees(planned, walked, pegasus):
     starts = jax.jit(jax.vmap(lambda walk: reference(pegasus, walk, (4, 4))))(planned.walk)
     lanes = [[jax.tree.map(lambda x, i=i: np.asarray(x)[i], tree) for i in range(PIT + 1)] for tree in (planned.true, starts)]
     judged = lockstep(pegasus, lanes[0], controllers, lanes[1], 0.8, TICKS)
-    assert not judged.fell.any()
+    assert not judged.verdict.fell.any()
     assert judged.over.all()
     np.testing.assert_allclose(judged.trunk[:, :2], walked.trunk[:, -1, :2], atol=0.02)
     np.testing.assert_allclose(judged.trunk[:, 2], walked.trunk[:, -1, 2], atol=0.01)

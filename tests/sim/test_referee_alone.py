@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline, interp1d
 from scipy.spatial import ConvexHull
 
 from jaxleg.control.course import course
@@ -26,6 +27,11 @@ SECONDS, SAMPLES, LATE = (0.5, 0.5), (10, 16), 6  # 0.3 s
 BUMPS = HeightMap(jnp.asarray(np.random.default_rng(2).uniform(-0.3, 0.2, (11, 7))), jnp.array([-0.2, 0.5]), jnp.array(0.1))
 
 
+def alone(verdict):
+    """The verdict on the first lane."""
+    return jax.tree.map(lambda x: x[0], verdict)
+
+
 @pytest.fixture(scope="module")
 def track(pegasus):
     return jax.tree.map(np.asarray, shift_and_step(pegasus, TERRAIN, SECONDS, SAMPLES))
@@ -35,9 +41,10 @@ def wanted(robot, track, time):
     """What the motors' controllers are told at a time after the settling: kp position + kd velocity + torque."""
     at = max(time, 0.0)
     position, velocity, torque = (
-        np.array([np.interp(at, track.time, np.asarray(x)[:, leg, joint]) for leg in range(4) for joint in range(3)])
-        for x in (track.joint_pos, track.joint_vel, track.joint_torque)
+        np.asarray(x, float).reshape(-1, 12) for x in (track.joint_pos, track.joint_vel, track.joint_torque)
     )
+    position = CubicHermiteSpline(track.time, position, velocity)(at)
+    velocity, torque = (interp1d(track.time, x, axis=0)(at) for x in (velocity, torque))
     return 3000.0 * position + 80.0 * velocity * (time > 0.0) + torque
 
 
@@ -65,7 +72,7 @@ def by_hand(pegasus, track):
 @pytest.fixture(scope="module")
 def verdicts(pegasus, track):
     """Metered from the first sample and from a later one."""
-    return [(replay(pegasus, [TERRAIN], [track], FRICTION, first)[0], first) for first in (0, LATE)]
+    return [(alone(replay(pegasus, [TERRAIN], [track], FRICTION, first)), first) for first in (0, LATE)]
 
 
 def steps_from(track, first):
@@ -79,13 +86,13 @@ def test_energy_time_and_distance_are_those_of_the_walk_after_settling(by_hand, 
         steps = steps_from(track, first)
         assert not verdict.fell
         np.testing.assert_allclose(verdict.time, 1.0 - float(track.time[first]), atol=1e-9)
-        np.testing.assert_allclose(verdict.joule, STEP * heat[steps].sum(), rtol=1e-3)
-        np.testing.assert_allclose(verdict.mechanical_positive, STEP * np.maximum(power, 0.0)[steps].sum(), rtol=1e-3)
-        np.testing.assert_allclose(verdict.mechanical, STEP * power[steps].sum(), rtol=1e-3)
-        np.testing.assert_allclose(verdict.moved, by_hand.later_q[-1, :2] - by_hand.q[steps][0, :2], atol=1e-6)
+        np.testing.assert_allclose(verdict.energy.joule, STEP * heat[steps].sum(), rtol=1e-3)
+        np.testing.assert_allclose(verdict.energy.mechanical_positive, STEP * np.maximum(power, 0.0)[steps].sum(), rtol=1e-3)
+        np.testing.assert_allclose(verdict.energy.mechanical, STEP * power[steps].sum(), rtol=1e-3)
+        np.testing.assert_allclose(verdict.moved[:2], by_hand.later_q[-1, :2] - by_hand.q[steps][0, :2], atol=1e-6)
     (early, _), (late, _) = verdicts
-    assert early.joule - late.joule > 1.0
-    assert early.mechanical_positive > 1.3 * late.mechanical_positive
+    assert early.energy.joule - late.energy.joule > 1.0
+    assert early.energy.mechanical_positive > 1.3 * late.energy.mechanical_positive
 
 
 def loaded(walk, bodies):
@@ -126,10 +133,12 @@ def test_a_walk_that_begins_in_motion_is_settled_at_rest_in_its_first_pose(pegas
     walked = step_by_hand(pegasus, late)
     off = walked.q[145, 7:] - late.joint_pos[0].ravel()
     assert np.abs(off).max() < 4e-3 < 0.2 * np.abs(80.0 / 3000.0 * late.joint_vel[0]).max()
-    verdict, steps = replay(pegasus, [TERRAIN], [late], FRICTION)[0], steps_from(late, 0)
+    verdict, steps = alone(replay(pegasus, [TERRAIN], [late], FRICTION)), steps_from(late, 0)
     power = walked.torque * 0.5 * (walked.v[:, 6:] + walked.later_v[:, 6:])
-    np.testing.assert_allclose(verdict.mechanical_positive, STEP * np.maximum(power, 0.0)[steps].sum(), rtol=0.02)
-    np.testing.assert_allclose(verdict.joule, STEP * ((walked.torque / (0.217 * 44.5)) ** 2 * 2.28)[steps].sum(), rtol=0.02)
+    np.testing.assert_allclose(verdict.energy.mechanical_positive, STEP * np.maximum(power, 0.0)[steps].sum(), rtol=0.02)
+    np.testing.assert_allclose(
+        verdict.energy.joule, STEP * ((walked.torque / (0.217 * 44.5)) ** 2 * 2.28)[steps].sum(), rtol=0.02
+    )
 
 
 def test_motors_are_controllers_with_their_gains_and_limits(pegasus):
@@ -169,31 +178,35 @@ def test_the_height_field_is_the_terrain(pegasus):
 def test_with_feedback_it_measures_the_same_walk_alike(pegasus, track, verdicts):
     """On level ground nothing leads off the plan, so that feedback changes little."""
     verdict, _ = verdicts[0]
-    judged = follow_all(pegasus, [TERRAIN], [track], FRICTION)
-    assert not judged.fell[0]
-    np.testing.assert_allclose(judged.time[0], 1.0, atol=0.004)
-    np.testing.assert_allclose(judged.joule[0], verdict.joule, rtol=0.05)
-    np.testing.assert_allclose(judged.mechanical_positive[0], verdict.mechanical_positive, rtol=0.08)
-    np.testing.assert_allclose(judged.mechanical[0], verdict.mechanical, atol=0.08 * verdict.mechanical_positive)
-    np.testing.assert_allclose(judged.slip[0], verdict.slip, rtol=0.5)
-    np.testing.assert_allclose(judged.trunk[0], track.trunk_pos[-1], atol=5e-3)
+    watched = follow_all(pegasus, [TERRAIN], [track], FRICTION)
+    judged = alone(watched.verdict)
+    assert not judged.fell
+    np.testing.assert_allclose(judged.time, 1.0, atol=0.004)
+    np.testing.assert_allclose(judged.energy.joule, verdict.energy.joule, rtol=0.05)
+    np.testing.assert_allclose(judged.energy.mechanical_positive, verdict.energy.mechanical_positive, rtol=0.08)
+    np.testing.assert_allclose(
+        judged.energy.mechanical, verdict.energy.mechanical, atol=0.08 * verdict.energy.mechanical_positive
+    )
+    np.testing.assert_allclose(judged.slip, verdict.slip, rtol=0.5)
+    np.testing.assert_allclose(watched.trunk[0], track.trunk_pos[-1], atol=5e-3)
 
 
 def test_with_feedback_a_robot_that_stands_is_measured_as_statics_has_it(pegasus, bodies, track):
     """Heat of the holding torques for as long as it stands, no work, no slip, the margin of its stance."""
     still = track._replace(**{name: 0.0 * getattr(track, name) for name in ("joint_vel", "trunk_vel")})
     stands = type(track)(*(np.repeat(np.asarray(x)[:1], 5, axis=0) for x in still))._replace(time=np.linspace(0.0, 0.4, 5))
-    judged = follow_all(pegasus, [TERRAIN], [stands], FRICTION)
-    assert not judged.fell[0]
-    np.testing.assert_allclose(judged.time[0], 0.4, atol=1e-9)
+    watched = follow_all(pegasus, [TERRAIN], [stands], FRICTION)
+    judged = alone(watched.verdict)
+    assert not judged.fell
+    np.testing.assert_allclose(judged.time, 0.4, atol=1e-9)
     heat = np.sum((np.asarray(track.joint_torque)[0] / (0.217 * 44.5)) ** 2 * 2.28)
-    np.testing.assert_allclose(judged.joule[0], 0.4 * heat, rtol=0.05)
+    np.testing.assert_allclose(judged.energy.joule, 0.4 * heat, rtol=0.05)
     body = bodies(np.concatenate([np.asarray(x)[0].ravel() for x in (track.trunk_pos, track.trunk_quat, track.joint_pos)]))
     sides = ConvexHull(FEET).equations
-    np.testing.assert_allclose(judged.margin[0], np.min(-sides[:, :2] @ body.com[:2] - sides[:, 2]), atol=2e-3)
-    np.testing.assert_allclose(judged.shots[0, 0, :3], track.trunk_pos[0], atol=1e-4)  # the plan's torques hold it
-    assert abs(judged.mechanical[0]) < 1e-2
-    assert judged.slip[0] < 1e-4
+    np.testing.assert_allclose(judged.margin, np.min(-sides[:, :2] @ body.com[:2] - sides[:, 2]), atol=2e-3)
+    np.testing.assert_allclose(watched.shots[0, 0, :3], track.trunk_pos[0], atol=1e-4)  # the plan's torques hold it
+    assert abs(judged.energy.mechanical) < 1e-2
+    assert judged.slip < 1e-4
 
 
 def test_on_a_slippery_slope_it_slides_down_by_the_friction_it_was_told(pegasus, bodies):
@@ -211,7 +224,7 @@ def test_on_a_slippery_slope_it_slides_down_by_the_friction_it_was_told(pegasus,
         np.zeros(6),
     )
     held = [np.repeat(np.asarray(x, float)[None], 2, axis=0) for x in (*rows, np.zeros((4, 3)), np.ones(4))]
-    verdict = replay(pegasus, [sloping(0.25, 0.0)], [Reference(np.array([0.0, 0.7]), *held)], 0.1)[0]
+    verdict = alone(replay(pegasus, [sloping(0.25, 0.0)], [Reference(np.array([0.0, 0.7]), *held)], 0.1))
     way = 0.5 * GRAVITY * (0.25 - 0.1) * (1.0**2 - 0.3**2) / (1.0 + 0.25**2)
     assert not verdict.fell
     np.testing.assert_allclose(verdict.moved[0], -way, rtol=0.05)
