@@ -40,7 +40,7 @@ def main(run: Path | None = None, out: Path | None = None, quick: bool = False) 
     rows = [check(result, *row, convention) for row in ROWS for convention in CONVENTIONS]
     print(f"{'terrain':8s}{'contestant':12s}{'against':13s}{'power':10s}{'MJX':>8s}{'C MuJoCo':>10s}  verdict")
     for row in rows:
-        saved = "".join(f"{100.0 * row[engine]:{size}.1f}" for engine, size in (("mjx", 8), ("mujoco", 10)))
+        saved = "".join(f"{100.0 * row[engine]:{size}.1f}" for engine, size in (("simulation", 12), ("mujoco", 10)))
         print(f"{row['kind']:8s}{row['contestant']:12s}{row['against']:13s}{row['power']:10s}{saved}  {row['verdict']}")
     write("check_saving", out, {"rows": rows})
     return all(row["verdict"] in ("", "pass") for row in rows)
@@ -48,20 +48,20 @@ def main(run: Path | None = None, out: Path | None = None, quick: bool = False) 
 
 def check(result: dict, kind: str, name: str, key: str, target: float | None, power: str) -> dict:
     """One row: the savings, and what falls short."""
-    saved = {engine: result[key][engine][name][kind][power]["mean"] for engine in ("mjx", "mujoco")}
+    saved = {engine: result[key][engine][name][kind][power]["mean"] for engine in ("simulation", "mujoco")}
     ours, base = result[name][kind], result[BASE[key]][kind]
     row = {"kind": kind, "contestant": name, "against": BASE[key], "power": power}
     if None in saved.values():
         return row | dict.fromkeys(saved, float("nan")) | {"verdict": "no pairs"}
     faults = []
     if target is not None:
-        faults += [f"under {100 * target:.0f} %"] * (saved["mjx"] < target)
+        faults += [f"under {100 * target:.0f} %"] * (saved["simulation"] < target)
         faults += [f"{ours['falls'] + base['falls']} falls"] * (ours["falls"] + base["falls"] > 0)
         refereed = sum(result["referee"][who][kind]["falls"] for who in (name, BASE[key]))
         faults += [f"{refereed} falls in C MuJoCo"] * (refereed > 0)
         faults += ["knee bend"] * (ours["min_knee_bend_deg"] < result["least_knee_bend_deg"][kind] - 0.2)
         faults += ["speed differs"] * (abs(ours["speed"] / base["speed"] - 1.0) > 0.01)
-        faults += ["C MuJoCo disagrees"] * (abs(saved["mujoco"] / saved["mjx"] - 1.0) > 0.3)
+        faults += ["C MuJoCo disagrees"] * (abs(saved["mujoco"] / saved["simulation"] - 1.0) > 0.3)
     speed = ours["speed"] / base["speed"] - 1.0
     verdict = "" if target is None else ", ".join(faults) or "pass"
     return row | saved | {"speed_difference": speed, "verdict": verdict}

@@ -34,6 +34,7 @@ from .series.kinds import Greedy as Greedy
 from .series.kinds import Tree as Tree
 from .sim.contact import Ground as Ground
 from .sim.engine import mjx_engine as mjx_engine
+from .sim.legged import legged_engine as legged_engine
 from .sim.reactive import walk_reactively as walk_reactively
 from .sim.rollout import record as record
 from .sim.rollout import simulate as simulate

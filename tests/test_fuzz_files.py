@@ -6,16 +6,13 @@ from pathlib import Path
 
 import jax
 import jax.numpy as jnp
-import mujoco
 import numpy as np
 import pytest
-from mujoco import mjx
 
 from jaxleg.conventions import InputError
-from jaxleg.robot.mjcf import robot_mjcf
-from jaxleg.sim import engine
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.follow import follow
+from jaxleg.sim.legged import legged_engine
 from jaxleg.terrain.features import FeatureSettings, traversability
 from jaxleg.terrain.files import load_map
 from jaxleg.terrain.heightmap import HeightMap, height
@@ -101,31 +98,26 @@ def test_spoiled_maps(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def second(pegasus):
-    """One second of a plan in MJX; the robot's model is an argument, so that one compilation serves for all robots."""
+def second():
+    """One second of a plan in simulation; the robot is an argument, so that one compilation serves for all."""
 
     @jax.jit
-    def run(model, robot, friction, terrain, reference, last, tick):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(engine.mjx, "put_model", lambda _: model)
-            terms = engine.mjx_engine(pegasus)
+    def run(robot, friction, terrain, reference, last, tick):
         ticks = jnp.round(1.0 / tick).astype(jnp.int32)
-        return follow(terms, robot, Ground(friction=friction), terrain, reference, last, EACH, tick, ticks)
+        return follow(legged_engine(robot), robot, Ground(friction=friction), terrain, reference, last, EACH, tick, ticks)
 
     return run
 
 
 def test_spoiled_plans(tmp_path, pegasus, second):
     def use(file) -> str:
-        spec = mujoco.MjModel.from_xml_string(robot_mjcf(file.robot))
-        spec.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         rows = EACH + SHIFT + 1
         last = len(file.reference.time) - 1
         reference = jax.tree.map(lambda x: jnp.concatenate([x, *[x[-1:]] * (rows - len(x))])[:rows], file.reference)
         terrain = HeightMap(to_cells(file.terrain.elevation, (60, 50)), file.terrain.origin, file.terrain.resolution)
         numbers = (jnp.asarray(file.params[key], float) for key in ("friction", "tick"))
         friction, tick = numbers
-        seen = second(mjx.put_model(spec), file.robot, friction, terrain, reference, jnp.asarray(last), tick)
+        seen = second(file.robot, friction, terrain, reference, jnp.asarray(last), tick)
         finite = all(np.isfinite(x).all() for x in jax.tree.leaves(seen))
         assert finite or seen.meters.fell
         return "fell" if seen.meters.fell else "walked"

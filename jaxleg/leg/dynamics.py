@@ -67,17 +67,22 @@ def _leg_inverse_dynamics(frames, hip, com, mass, inertia, velocity, acceleratio
 
 
 def inverse_dynamics(robot: Robot, frames: LegFrames, motion: Motion) -> tuple[Float[Array, "leg joint"], Wrench]:
-    """Joint torques [N m] and trunk wrench that produce a motion without contact (recursive Newton-Euler).
+    """Joint torques [N m] and trunk wrench that produce a motion without contact.
 
     The torques include the reflected rotor inertia and the joint's viscous loss; the wrench is what the ground must give.
     """
+    torque, wrench = newton_euler(robot, frames, motion)
+    return torque + robot.rotor_inertia * motion.acceleration + robot.joint_damping * motion.velocity, wrench
+
+
+def newton_euler(robot: Robot, frames: LegFrames, motion: Motion) -> tuple[Float[Array, "leg joint"], Wrench]:
+    """Joint torques [N m] and trunk wrench of the bodies alone, without rotors and losses (recursive Newton-Euler)."""
     spin, spin_rate, linear = trunk = motion.trunk_spin, motion.trunk_spin_rate, motion.trunk_acceleration
     legs = jax.vmap(_leg_inverse_dynamics, in_axes=(0, 0, 0, 0, 0, 0, 0, None))
     torque, wrench = legs(
         *(frames, robot.hip_position, robot.link_com, robot.link_mass, robot.link_inertia),
         *(motion.velocity, motion.acceleration, trunk),
     )
-    torque = torque + robot.rotor_inertia * motion.acceleration + robot.joint_damping * motion.velocity
     identity = jnp.eye(3, dtype=spin.dtype)
     at_com = accelerated(spin, spin_rate, linear, robot.trunk_com)
     force, moment = _newton_euler(robot.trunk_mass, robot.trunk_inertia, identity, spin, spin_rate, at_com)

@@ -4,7 +4,7 @@ import dataclasses
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from jaxleg.settings import setting
 from jaxleg.walk.config import Navigation
 
 Span = tuple[float, float]
+EngineName = Literal["legged", "mjx"]
 BOUNDS: dict[str, Span] = {
     "gait.hip_height": (0.40, 0.58),
     "gait.foot_offset": (-0.20, 0.10),
@@ -146,6 +147,7 @@ class Simulation:
     load_share: float = setting(0.1, min=0.02, max=0.3, help="part of a swing phase, at either end, for load transfer")
     clearance: float = setting(0.02, min=0.0, max=0.2, unit="m", help="foot over the ground in mid-swing")
     friction: float = setting(0.8, min=0.1, max=2.0)
+    engine: EngineName = setting("legged", help="rigid-body terms: written out for four legs, or MJX's, equal and slower")
     chunk: int = setting(16, min=1, max=4096, help="lanes that a device simulates at once; thousands on a GPU")
 
 

@@ -21,9 +21,11 @@ from jaxleg.leg.energy import CONVENTIONS, Convention, Power, electrical
 from jaxleg.planner import Planner
 from jaxleg.robot import Robot
 from jaxleg.route.stations import Stations
+from jaxleg.search.config import EngineName
 from jaxleg.search.leaves import read_leaves, with_leaves
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
+from jaxleg.sim.legged import legged_engine
 from jaxleg.sim.meters import Meters
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain.site import Site
@@ -99,12 +101,13 @@ class Lab:
     steps: int
     chunk: int
     convention: Convention
+    terms: EngineName = "legged"
 
     @functools.cached_property
     def engine(self) -> Engine:
-        """MJX, built on first use; not while tracing, its arrays would leak."""
+        """Built on first use; not while tracing, MJX's arrays would leak."""
         with jax.ensure_compile_time_eval():
-            return mjx_engine(self.robot)
+            return {"legged": legged_engine, "mjx": mjx_engine}[self.terms](self.robot)
 
     def planner(self, vector: Float[Array, "parameter"], setting: Setting) -> Planner:
         """The planner of one lane."""

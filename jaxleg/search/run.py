@@ -29,6 +29,7 @@ def make_lab(study: Study, robot: Robot) -> Lab:
         steps=sim.steps,
         chunk=sim.chunk,
         convention=study.power,
+        terms=sim.engine,
     )
 
 

@@ -79,7 +79,7 @@ def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -
     }
 
     def against(base: str) -> dict[str, Any]:
-        engines = {"mjx": held, "mujoco": replays}
+        engines = {"simulation": held, "mujoco": replays}
         return {
             engine: nested({kind: savings(data[kind], CONTESTANTS, base, *options) for kind in state.kinds})
             for engine, data in engines.items()

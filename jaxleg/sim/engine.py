@@ -1,7 +1,8 @@
 """Rigid-body terms of the equation of motion, by MJX. The one interface that stands between a physics engine and the step.
 
 An engine is a function `(q, v) -> Terms` for one lane. `mjx_engine` builds it from MJX's kinematics, inertia and bias
-functions on a model made from the `Robot`; no MuJoCo contact takes part. Another engine only has to return the same terms.
+functions on a model made from the `Robot`; no MuJoCo contact takes part. Another engine only has to return the same terms:
+`legged.legged_engine` writes them out, the same numbers in a tenth of the operations.
 """
 
 import contextlib

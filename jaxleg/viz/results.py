@@ -60,7 +60,7 @@ def _energy_row(ax: Axes, y: int, result: Mapping[str, Any], name: str, kind: st
 def _energy_text(result: Mapping[str, Any], name: str, kind: str) -> str:
     """The saving against the traditional gait with its 95 % interval, and the number of failed lanes."""
     row, lines = result[name][kind], []
-    saved = result["saving"]["mjx"].get(name, {}).get(kind, {}).get(result["power"])
+    saved = result["saving"]["simulation"].get(name, {}).get(kind, {}).get(result["power"])
     if saved and saved["mean"] is not None:
         lines = [f"saves {100.0 * saved['mean']:.1f} %"]
         if saved["ci95"] is not None:

@@ -69,9 +69,9 @@ def kind_and_number(result: dict[str, Any], kind: str) -> str:
 def _cells(result: dict[str, Any], name: str, kind: str, power: str) -> list[str]:
     row = result[name][kind]
     cells = [_number(row["energy_per_metre"][power]["mean"], "{:.0f}")]
-    for engine in ("mjx", "mujoco"):
+    for engine in ("simulation", "mujoco"):
         saved = result["saving"][engine].get(name, {}).get(kind, {}).get(power)
-        cells.append(_percent(saved, intervals=engine == "mjx") if saved else "")
+        cells.append(_percent(saved, intervals=engine == "simulation") if saved else "")
     cells += [_number(row["min_stability_margin"], "{:.3f}"), _number(row["min_knee_bend_deg"], "{:.1f}")]
     return [*cells, f"{row['falls']}/{row['lanes']}", f"{row['infeasible']}/{row['lanes']}"]
 

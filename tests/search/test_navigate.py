@@ -13,7 +13,7 @@ from jaxleg.cli import main
 from jaxleg.search.config import Gait, Kind, Study
 from jaxleg.search.navigate import navigate, navigator_of, on_valid_cells, simulate_all, survey_all
 from jaxleg.sim.contact import Ground
-from jaxleg.sim.engine import mjx_engine
+from jaxleg.sim.legged import legged_engine
 from jaxleg.status import Status
 from jaxleg.terrain import Grid, TerrainSettings, terrain
 from jaxleg.terrain.heightmap import HeightMap
@@ -51,7 +51,7 @@ def test_a_walk_reaches_its_goal_on_valid_cells(planned):
 
 def test_the_walk_in_simulation_keeps_to_the_plan(planned, pegasus):
     navigator, surveys, walked = planned
-    seen = simulate_all(navigator, mjx_engine(pegasus), Ground(), surveys, walked, GOAL)
+    seen = simulate_all(navigator, legged_engine(pegasus), Ground(), surveys, walked, GOAL)
     assert seen.finished[0]
     assert seen.landing[0].max() < 0.02
     assert seen.left[0] < 0.2

@@ -151,9 +151,9 @@ def test_contestants_rank_as_they_must(answer, kind):
     np.testing.assert_allclose([energy[name] for name in ("traditional", "implied", "paper")], BASELINES[kind], rtol=2e-3)
     assert energy["best"] < min(energy["best_i"], energy["best_ii"])
     assert max(energy["best_i"], energy["best_ii"]) < energy["traditional"]
-    for engine in ("mjx", "mujoco"):
+    for engine in ("simulation", "mujoco"):
         assert 0.05 < result["saving"][engine]["best"][kind]["positive"]["mean"] < 0.2
-    assert result["saving_vs_paper"]["mjx"]["best"][kind]["positive"]["mean"] < 0.0
+    assert result["saving_vs_paper"]["simulation"]["best"][kind]["positive"]["mean"] < 0.0
     margin = {name: result[name][kind]["min_stability_margin"] for name in CONTESTANTS}
     assert max(margin["implied"], margin["paper"]) < 0.6 * margin["traditional"]
     assert min(margin["best_i"], margin["best_ii"], margin["best"]) > margin["traditional"]

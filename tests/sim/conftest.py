@@ -4,14 +4,14 @@ import jax
 import numpy as np
 import pytest
 
-from jaxleg.sim.engine import mjx_engine
+from jaxleg.sim.legged import legged_engine
 from jaxleg.sim.step import step
 from tests.motions import Mujoco
 
 
 @pytest.fixture(scope="session")
 def engine(pegasus):
-    return mjx_engine(pegasus)
+    return legged_engine(pegasus)
 
 
 @pytest.fixture(scope="session")

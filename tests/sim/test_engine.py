@@ -1,4 +1,6 @@
-"""The engine's terms against C MuJoCo."""
+"""Both engines' terms against C MuJoCo."""
+
+import dataclasses
 
 import jax
 import mujoco
@@ -8,18 +10,39 @@ from numpy.testing import assert_allclose
 
 from jaxleg.robot.mjcf import robot_mjcf
 from jaxleg.sim.engine import mjx_engine
+from jaxleg.sim.legged import legged_engine
 
 
-@pytest.fixture(scope="module")
-def pair(pegasus):
-    """The engine's terms and MuJoCo's data at one random state."""
+def slanted(robot):
+    """No centre on an axis, every link and leg of another size and weight."""
+    rng = np.random.default_rng(2)
+
+    def moved(name):
+        value = getattr(robot, name)
+        return value + 0.05 * rng.normal(size=value.shape)
+
+    places = {name: moved(name) for name in ("link_com", "trunk_com", "hip_position", "link_offset")}
+    scale = rng.uniform(0.5, 1.5, robot.link_mass.shape)
+    weights = dict(link_mass=robot.link_mass * scale, link_inertia=robot.link_inertia * scale[..., None])
+    return dataclasses.replace(robot, **places, **weights, rotor_inertia=robot.rotor_inertia * scale)
+
+
+@pytest.fixture(
+    scope="module",
+    params=[(mjx_engine, False), (legged_engine, False), (legged_engine, True)],
+    ids=["mjx", "legged", "legged, slanted"],
+)
+def pair(request, pegasus):
+    """An engine's terms and MuJoCo's data at one random state."""
+    make, odd = request.param
+    pegasus = slanted(pegasus) if odd else pegasus
     rng = np.random.default_rng(0)
     model = mujoco.MjModel.from_xml_string(robot_mjcf(pegasus))
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = rng.uniform(-1.0, 1.0, 19), rng.normal(size=18)
     data.qpos[3:7] /= np.linalg.norm(data.qpos[3:7])
     mujoco.mj_forward(model, data)
-    terms = jax.jit(mjx_engine(pegasus))(data.qpos, data.qvel)
+    terms = jax.jit(make(pegasus))(data.qpos, data.qvel)
     return jax.tree.map(np.asarray, terms), model, data
 
 

@@ -13,8 +13,8 @@ from mujoco import rollout
 from jaxleg.control.contract import State
 from jaxleg.sim import fall
 from jaxleg.sim.contact import Ground
-from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.follow import follow
+from jaxleg.sim.legged import legged_engine
 from jaxleg.sim.model import build_model
 from jaxleg.sim.referee import controls, no_log, replay, start_state
 from jaxleg.sim.referee_feedback import follow_all
@@ -66,7 +66,7 @@ def standing(pegasus):
 @pytest.fixture(scope="module")
 def simulated(pegasus):
     """Meters by `simulate`, and the same walks by `follow`: grounds (lane, nx, ny) and as many references."""
-    engine = mjx_engine(pegasus)
+    engine = legged_engine(pegasus)
 
     def lane(terrain, track):
         last = jnp.asarray(track.time.shape[0] - 1)
@@ -85,7 +85,7 @@ def single(elevation):
     return dataclasses.replace(LEVEL, elevation=jnp.asarray(elevation))
 
 
-def test_a_trunk_on_the_ground_is_a_fall_in_mjx(simulated, standing):
+def test_a_trunk_on_the_ground_is_a_fall_in_the_rollout(simulated, standing):
     meters, followed = simulated(GROUNDS, [standing] * len(EXPECTED))
     assert meters.fell.tolist() == EXPECTED
     assert followed.meters.fell.tolist() == EXPECTED

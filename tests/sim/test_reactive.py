@@ -15,7 +15,7 @@ from jaxleg.gait.order import SHIFT, SWING_LEG
 from jaxleg.gait.params import GaitParams
 from jaxleg.leg.kinematics import Reach, leg_angles
 from jaxleg.sim.contact import Ground
-from jaxleg.sim.engine import mjx_engine
+from jaxleg.sim.legged import legged_engine
 from jaxleg.sim.reactive import walk_reactively
 from jaxleg.sim.referee_feedback import PERIOD, lockstep
 from jaxleg.swing.bounds import swing_bounds
@@ -67,8 +67,8 @@ def planned(pegasus):
 
 @pytest.fixture(scope="module")
 def walked(planned, pegasus):
-    """The walks in MJX."""
-    engine, dt = mjx_engine(pegasus), jnp.asarray(DT)
+    """The walks in simulation."""
+    engine, dt = legged_engine(pegasus), jnp.asarray(DT)
 
     def lane(true, walk):
         return walk_reactively(engine, pegasus, Ground(), true, walk, planned.machine, planned.feel, dt, TICKS)

@@ -7,7 +7,7 @@ import pytest
 from jaxleg.conventions import GRAVITY
 from jaxleg.leg.energy import CONVENTIONS, electrical, motor_power
 from jaxleg.sim.contact import Ground
-from jaxleg.sim.engine import mjx_engine
+from jaxleg.sim.legged import legged_engine
 from jaxleg.sim.rollout import record, simulate
 from jaxleg.terrain import Grid, flat
 from jaxleg.walk.reference import reference
@@ -22,7 +22,7 @@ STAND = 0.5  # [s]
 @pytest.fixture(scope="module")
 def rollout(pegasus):
     """A short stand, then three times up and down between 0.40 and 0.46 m, recorded, and metered twice."""
-    engine = mjx_engine(pegasus)
+    engine = legged_engine(pegasus)
 
     @jax.jit
     def run(robot):

@@ -19,6 +19,7 @@ from jaxleg.numerics import cross, matmul, matvec
 from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Terms
+from jaxleg.sim.legged import legged_engine
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain import HeightMap
 from tests.motions import shift_and_step
@@ -85,9 +86,9 @@ def derivatives(make_engine, pegasus):
     return [np.asarray(x) for x in all_three(jnp.zeros(len(INPUTS)))]
 
 
-@pytest.fixture(scope="module", params=["massless links", pytest.param("mjx", marks=pytest.mark.slow)])
-def found(request, pegasus, engine):
-    return derivatives(massless_links if request.param == "massless links" else lambda _: engine, pegasus)
+@pytest.fixture(scope="module", params=["massless links", pytest.param("legged", marks=pytest.mark.slow)])
+def found(request, pegasus):
+    return derivatives(massless_links if request.param == "massless links" else legged_engine, pegasus)
 
 
 def test_forward_mode_is_reverse_mode(found):
@@ -104,7 +105,7 @@ def test_both_are_central_differences(found, name):
     assert np.abs(forward[:4]).max() > 1e-4
 
 
-def test_the_terms_of_mjx_have_true_derivatives(engine):
+def test_the_terms_have_true_derivatives(engine):
     """Along a direction in which the quaternion stays one."""
     rng = np.random.default_rng(1)
     q, v = rng.uniform(-1.0, 1.0, 19), rng.normal(size=18)

@@ -86,7 +86,7 @@ def result() -> dict:
     saving = {"flat": {"positive": {"mean": 0.24, "ci95": [0.2, 0.28]}}, "stairs": {"positive": NONE}}
     return table | {
         "power": "positive",
-        "saving": {"mjx": dict.fromkeys(STAGES, saving)},
+        "saving": {"simulation": dict.fromkeys(STAGES, saving)},
         "bounds": {"flat": SPANS, "stairs": SPANS},
         "terrains": {"by_kind": {"held_out": {"flat": 8, "stairs": 8}}},
         "active_constraints": {who: {"flat": ["knee_bend"], "stairs": []} for who in STAGES},
@@ -136,7 +136,7 @@ def test_a_single_terrain_has_no_interval(drawn, tmp_path):
     data["terrains"]["by_kind"]["held_out"]["flat"] = 1
     for row in data["best"]["flat"]["energy_per_metre"].values():
         row["ci95"] = None
-    data["saving"]["mjx"] = {who: {"flat": {"positive": {"mean": 0.24, "ci95": None}}} for who in STAGES}
+    data["saving"]["simulation"] = {who: {"flat": {"positive": {"mean": 0.24, "ci95": None}}} for who in STAGES}
     energy(data, path)
     flat_ax, stairs_ax = panels(drawn, path)
     assert flat_ax.get_title() == "flat, 1 terrain, no interval"
