@@ -70,6 +70,8 @@ def robot(single):
 def gradients(request, single, robot):
     """Where the polish takes its gradients from: the simulation's take a minute to compile. All runs share lab and terrains."""
     lab = runs.make_lab(STUDY, robot)
+    for name in ("proxy_gradients", "_plans", "simulate_gradients"):
+        vars(lab)[name] = unoptimised(getattr(lab, name))
 
     def by_proxy(*lanes):
         return *lab.simulate_lanes(*lanes), lab.proxy_gradients(*lanes)[1]
@@ -81,6 +83,19 @@ def gradients(request, single, robot):
         for module in (stages, verify):
             patch.setattr(module, "make_sites", sites_once({}))
         yield request.param
+
+
+def unoptimised(function):
+    """The function, compiled soon: it runs for less time than its compilation would take."""
+
+    def call(*lanes):
+        jax.config.update("jax_disable_most_optimizations", True)
+        try:
+            return function(*lanes)
+        finally:
+            jax.config.update("jax_disable_most_optimizations", False)
+
+    return call
 
 
 def sites_once(made):
