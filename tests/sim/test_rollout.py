@@ -7,6 +7,7 @@ import pytest
 from jaxleg.conventions import GRAVITY
 from jaxleg.leg.energy import CONVENTIONS, electrical, motor_power
 from jaxleg.sim.contact import Ground
+from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.legged import legged_engine
 from jaxleg.sim.rollout import record, simulate
 from jaxleg.terrain import Grid, flat
@@ -46,6 +47,16 @@ def test_recorded_power_adds_up_to_the_meters(rollout, pegasus):
         for seen in (meters, again):
             np.testing.assert_allclose(energy, electrical(seen.energy, convention), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(kept.time[-1], STAND + 6 * SECONDS)
+
+
+@pytest.mark.slow
+def test_mjx_walks_the_same(rollout, pegasus):
+    """Seconds of contact with MJX's terms instead of those written out."""
+    track, _, meters, _ = rollout
+    follow = jax.jit(lambda robot, track: simulate(mjx_engine(pegasus), robot, Ground(), GROUND, track, 16))
+    other = follow(pegasus, track)
+    for ours, theirs in zip(jax.tree.leaves(meters), jax.tree.leaves(other)):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-9)
 
 
 def test_standing_feet_carry_the_weight_and_motors_hold_it(rollout, pegasus):
