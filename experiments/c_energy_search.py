@@ -45,7 +45,7 @@ POSTURE = {  # numbers of C's posture that its energy search moves, and their bo
 
 def c_energy_search(study: Study, lab: Lab, train: int, held: int, steps: int) -> dict[str, Any]:
     """Numbers of C's posture moved by gradient over training maps, its choices made anew in each step; the walks of hand-set
-    and moved numbers followed in MJX on other maps."""
+    and moved numbers followed in simulation on other maps."""
     navigator = small(study, lab)
     walks, found = planned(navigator, some_maps(train, 0.5))
     walks = take(walks, np.flatnonzero(found))

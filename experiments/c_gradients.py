@@ -74,7 +74,7 @@ def proxy_energy(lab: Lab, planner: Planner, vector: jax.Array, walks: Walks) ->
 
 
 def simulated_energy(lab: Lab, planner: Planner, vector: jax.Array, walks: Walks) -> jax.Array:
-    """Energy of the first cycles of a walk in MJX, from standing to standing [J]."""
+    """Energy of the first cycles of a walk in simulation, from standing to standing [J]."""
     planner = with_leaves(planner, MOVED, vector)
     made = build_walk(planner, lab.robot, walks.site, stations_of(planner, walks.line, 4 * CYCLES), first_cycles(walks.choices))
     meters = simulate(lab.engine, lab.robot, lab.ground, walks.site.terrain, reference(lab.robot, made, SAMPLES), STEPS)

@@ -1,4 +1,4 @@
-"""Is the gradient of simulated energy per metre true? One full cycle of a crawl in MJX with contact, float64.
+"""Is the gradient of simulated energy per metre true? One full cycle of a crawl in simulation with contact, float64.
 
 At random feasible gaits, the chosen cells held fixed, reverse-mode AD against Richardson-extrapolated central differences
 (steps 1e-5 and 5e-6 of each parameter's range). Error of a gait: the largest over the parameters, each scaled by its

@@ -52,7 +52,7 @@ def draw(parts: list[agreement.Agreement], path: Path) -> None:
         axes.plot(part.simulated[part.usable], part.proxy[part.usable], mark, ms=4, label=name, alpha=0.8)
     low, high = axes.get_xlim()
     axes.plot([low, high], [low, high], "k:", lw=1, label="equal")
-    axes.set(xlabel="simulated in MJX [J/m]", ylabel="proxy [J/m]")
+    axes.set(xlabel="simulated [J/m]", ylabel="proxy [J/m]")
     axes.legend(frameon=False)
     save(figure, path)
 

@@ -1,8 +1,8 @@
 """Are the savings real? The quickstart's result, row by row against what it has to reach.
 
-On held-out terrains in MJX, under each power convention, no falls, speed equal within 1 %: on flat ground (knee bend >= 35 deg)
-(ii) saves >= 24 % and (iii) >= 40 % against `traditional`, (iii) >= 20 % against the paper's own parameters; on 8/30 stairs
-(iii) saves >= 20 % against `traditional`. C MuJoCo agrees in sign and within 30 % of the saving. `implied` stands beside.
+On held-out terrains in simulation, under each power convention, no falls, speed equal within 1 %: on flat ground (knee bend
+>= 35 deg) (ii) saves >= 24 % and (iii) >= 40 % against `traditional`, (iii) >= 20 % against the paper's own parameters; on
+8/30 stairs (iii) saves >= 20 % against `traditional`. C MuJoCo agrees in sign and within 30 % of the saving. `implied` stands beside.
 
     python -m experiments.check_saving                     runs the quickstart search first
     python -m experiments.check_saving --run runs/quickstart     reads a finished run
@@ -38,7 +38,7 @@ def main(run: Path | None = None, out: Path | None = None, quick: bool = False) 
         subprocess.run([sys.executable, "-m", "jaxleg.cli", "search", str(CONFIG), "--out", str(folder)], check=True)
     result = json.loads((folder / "result.json").read_text())
     rows = [check(result, *row, convention) for row in ROWS for convention in CONVENTIONS]
-    print(f"{'terrain':8s}{'contestant':12s}{'against':13s}{'power':10s}{'MJX':>8s}{'C MuJoCo':>10s}  verdict")
+    print(f"{'terrain':8s}{'contestant':12s}{'against':13s}{'power':10s}{'simulation':>12s}{'C MuJoCo':>10s}  verdict")
     for row in rows:
         saved = "".join(f"{100.0 * row[engine]:{size}.1f}" for engine, size in (("simulation", 12), ("mujoco", 10)))
         print(f"{row['kind']:8s}{row['contestant']:12s}{row['against']:13s}{row['power']:10s}{saved}  {row['verdict']}")

@@ -32,7 +32,7 @@ AIR = 1.0  # a foot is in the air below this normal force [N]
 
 
 def main(out: Path | None = None, quick: bool = False) -> None:
-    """Simulate in MJX; `quick` changes nothing, it takes seconds anyway."""
+    """Simulate it; `quick` changes nothing, it takes seconds anyway."""
     del quick
     study, lab = slow(*setup(), 3)
     less = dataclasses.replace(study, cog=Cog("median", SWAY_RATIO, study.cog.height_threshold))

@@ -3,7 +3,7 @@
 The same maps, goals, paths and candidate states; `paper` tries them in C's order (28), `energy` by foothold cost plus the
 energy of the step: the power of holding the pose (A, (1)) for as long as the shift to it and the swing take. Beside them
 `paper, tall`: C's order with the greatest candidate height as its default, which tells how much of the saving is just standing
-higher. Simulated in MJX; energy over the straight way from start to goal,
+higher. Simulated; energy over the straight way from start to goal,
 paired over the maps that both walk.
 
     python -m experiments.energy_order [--quick]

@@ -128,7 +128,7 @@ def taut_string(
     lab: Lab, navigator: Navigator, maps: HeightMap, ends: tuple[np.ndarray, np.ndarray], swings: int
 ) -> dict[str, Any]:
     """Walks over single steps by the clock on a right map, along taut strings and along cycloids with the same footholds:
-    touches of the swinging feet in MJX, and the lengths of the ways of those swings that go over the step."""
+    touches of the swinging feet in simulation, and the lengths of the ways of those swings that go over the step."""
     planner = dataclasses.replace(navigator.planner, swing=Taut(*dataclasses.astuple(navigator.planner.swing)))
     other, surveys = dataclasses.replace(navigator, planner=planner), survey_all(navigator, maps)
     walked, _ = navigate(other, surveys, *ends)

@@ -1,7 +1,8 @@
 """Can a foothold's terrain features tell what standing there costs? Weights learned from simulation, beside the hand's.
 
-On random rough ground and on cuboids, both tilted, a front and a hind leg (in turn) try candidate cells near each other: in MJX
-the foot stands on the piece of ground round the cell, at its default foothold, the other feet on level ground as high, and the
+On random rough ground and on cuboids, both tilted, a front and a hind leg (in turn) try candidate cells near each other: in
+simulation the foot stands on the piece of ground round the cell, at its default foothold, the other feet on level ground as
+high, and the
 trunk moves ahead over them. So the ground under the foot makes all the difference, not where the foot is or how high: the
 features know nothing of that. The expert ranks each set of candidates by energy and the foot's slip, each in units of its
 spread within the training sets; weights are learned from those rankings (listwise) and judged by the pairs they order rightly

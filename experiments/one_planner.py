@@ -87,7 +87,7 @@ def doubled(part: Callable[[Study, Lab], dict[str, Any]]) -> dict[str, Any]:
 
 
 def headings(study: Study, lab: Lab) -> dict[str, Any]:
-    """Energy per metre of paper A's walk on level ground in four directions, by proxy and in MJX."""
+    """Energy per metre of paper A's walk on level ground in four directions, by proxy and in simulation."""
     paper, bend = contestant(study, "flat", "paper"), jnp.asarray(np.deg2rad(20.0))
     ground = Grid(151, 151, 0.02, (-1.5, -1.5)).map(jnp.zeros((151, 151)))
     site = site_of(footing_rule(study.terrains), Sizes.of(lab.robot), 0.02, ground)
@@ -97,7 +97,7 @@ def headings(study: Study, lab: Lab) -> dict[str, Any]:
 
     @jax.jit
     def at(heading):
-        """Proxy's and MJX's energy per metre at one heading [J/m]."""
+        """Proxy's and simulation's energy per metre at one heading [J/m]."""
         names = ("route.heading", "foothold.least_bend", "limits.knee_bend")
         planner = with_leaves(paper, names, jnp.stack([heading, bend, bend]))
         stations = planner.route.stations(planner.gait, None, 2 * CYCLES + 2)
@@ -117,7 +117,7 @@ def headings(study: Study, lab: Lab) -> dict[str, Any]:
 
 def a_on_curves(study: Study, lab: Lab, count: int) -> dict[str, Any]:
     """Paper A's cascade and in-centre posture along the body paths of maps that C's planner walks (difficulty <= 0.6): in C's
-    tree search, and greedily as A has it. Both are followed in MJX."""
+    tree search, and greedily as A has it. Both are followed in simulation."""
     there = world(count, 0.6)
     navigator = navigator_of(study, lab.robot, GAIT, MAP.resolution)
     surveys = survey_all(navigator, there.maps)

@@ -11,7 +11,7 @@ from experiments.table_one import finish, result, table
 
 
 def main(out: Path | None = None, quick: bool = False) -> None:
-    """Three gait cycles of every contestant in MJX; `quick` searches our parameters more briefly."""
+    """Three gait cycles of every contestant in simulation; `quick` searches our parameters more briefly."""
     seen = table("flat", quick)
     finish("plain_ground", out, seen, result(seen))
 

@@ -46,7 +46,7 @@ def slow(study: Study, lab: Lab, terrains: int) -> tuple[Study, Lab]:
 
 
 def walks(lab: Lab, vectors: np.ndarray, lanes: Lanes, cycles: int = 2, stand: float = 0.0) -> Trace:
-    """Record walks (leading axis) of so many cycles after a stand [s] in MJX."""
+    """Record walks (leading axis) of so many cycles after a stand [s] in simulation."""
     lab.engine  # noqa: B018  built outside of any tracing
     lane = functools.partial(_walk, lab, cycles, stand)
     return over_lanes(lane, min(lab.chunk, -(-len(vectors) // jax.local_device_count())))(

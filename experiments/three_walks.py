@@ -92,7 +92,7 @@ def as_planned(lab: Lab, title: str, walk: Walk) -> Seen:
 def felt_walk(
     lab: Lab, navigator: Navigator, maps: HeightMap, ends: tuple[np.ndarray, np.ndarray], grid: Grid
 ) -> tuple[Seen, bool]:
-    """C's walk on a wrong map with B's reflexes, in MJX: as it went, and whether it fell."""
+    """C's walk on a wrong map with B's reflexes, in simulation: as it went, and whether it fell."""
     walked, _ = navigate(navigator, survey_all(navigator, wrong(maps, ends[0], grid)), *ends)
     tick = react(lab, length_of(walked.walk), 1)(feeling(lab.robot), maps, walked.walk)
     going, every = int(np.sum(tick.alive[0] & ~tick.done[0])), round(0.05 / DT)

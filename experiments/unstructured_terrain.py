@@ -1,7 +1,7 @@
 """Paper C, 4.3 (Fig. 11-14): from the features of unstructured ground to a walk over it.
 
 One fractal map. Fig. 11, 12: slope, roughness, step height and the cost made of them. Fig. 13: the body's path for two
-weightings of way and cost, and what each is worth. Fig. 14: the walked trajectory, simulated in MJX and refereed by C MuJoCo,
+weightings of way and cost, and what each is worth. Fig. 14: the walked trajectory, simulated and refereed by C MuJoCo,
 as a picture and as an animation.
 
     python -m experiments.unstructured_terrain [--quick]
@@ -94,7 +94,7 @@ def draw_costs(navigator: Navigator, survey: Survey, paths: dict[float, BodyPath
 def walk(
     lab: Lab, navigator: Navigator, survey: Survey, walked: Walked, goal: np.ndarray, folder: Path, referee: bool
 ) -> dict[str, Any]:
-    """Fig. 14: walk it in MJX, draw it, and again in C MuJoCo."""
+    """Fig. 14: walk it in simulation, draw it, and again in C MuJoCo."""
     planned = jax.jit(navigator.planned)(walked)
     seen, shots = filmed(lab, navigator, survey.site.terrain, planned)
     last = int(planned.last)
@@ -121,7 +121,7 @@ def walk(
 
 
 def filmed(lab: Lab, navigator: Navigator, terrain: HeightMap, planned: Planned):
-    """The walk in MJX with its pictures."""
+    """The walk in simulation with its pictures."""
     tick = navigator.settings.pace.tick
     each, last = round(FRAME / tick), int(planned.last)
     count = int(np.ceil(float(planned.reference.time[last]) / (each * tick))) + 2

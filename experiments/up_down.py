@@ -29,7 +29,7 @@ ENDS = ("folded", "greatest", "straight")
 
 
 def main(out: Path | None = None, quick: bool = False) -> None:
-    """Simulate it in MJX; `quick` changes nothing, it takes seconds anyway."""
+    """Simulate it; `quick` changes nothing, it takes seconds anyway."""
     del quick
     study, lab = setup()
     ground = flat(Grid(80, 40, 0.02, (-0.8, -0.4)))

@@ -1,4 +1,4 @@
-"""Walks over 200 maps that the planner has made up its mind about alone: paper C from map to goal, simulated in MJX.
+"""Walks over 200 maps that the planner has made up its mind about alone: paper C from map to goal, simulated.
 
 Maps of 8 x 4 m, cells of 0.04 m, seeds 0 to 199: every other one cuboids (0.3 x 0.3 m, +-0.1 m at difficulty 1), the others
 fractal ground; difficulty spread over [0, 1]. Start and goal at random, at least 5 m apart. How many have a path, how many of
@@ -101,7 +101,7 @@ def trials(there: World, walked: Walked, seen: Outcome) -> list[Trials]:
 def refereed(
     lab: Lab, navigator: Navigator, surveys: Survey, walked: Walked, seen: Outcome, lanes: np.ndarray, count: int
 ) -> dict[str, Any]:
-    """Some walks again in C MuJoCo, evenly from easy to hard: outcomes, and energy beside MJX."""
+    """Some walks again in C MuJoCo, evenly from easy to hard: outcomes, and energy beside the rollout."""
     lanes = lanes[np.linspace(0, len(lanes) - 1, count).round().astype(int)]
     part = jax.tree.map(lambda x: x[lanes], (surveys, walked))
     planned = over_lanes(navigator.planned, *layout(count, MOST))(part[1])

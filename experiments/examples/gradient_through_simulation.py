@@ -16,7 +16,7 @@ SAMPLES, STEPS = (60, 50), 3  # of the reference a shift and a swing, simulation
 
 
 def main(robot: str = "configs/robots/pegasus.toml") -> None:
-    """Print energy per metre in MJX and its gradient by the gait's numbers, the footholds' choice held."""
+    """Print energy per metre in simulation and its gradient by the gait's numbers, the footholds' choice held."""
     pegasus = jl.load_robot(robot)
     some, engine = planner(pegasus), jl.legged_engine(pegasus)
     site = jl.site_of(jl.FootingRule(), jl.Sizes.of(pegasus), GRID.resolution, jl.flat(GRID))

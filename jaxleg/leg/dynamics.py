@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxleg.leg.kinematics import LegFrames, accelerated, foot_jacobian, leg_frames, link_motion, running_sum
+from jaxleg.leg.kinematics import LegFrames, accelerated, carried_sum, foot_jacobian, leg_frames, link_motion
 from jaxleg.numerics import cross, cross_matrix, dot, matmul, matvec, solve_spd6
 from jaxleg.robot import Robot
 
@@ -61,7 +61,7 @@ def _leg_inverse_dynamics(frames, hip, com, mass, inertia, velocity, acceleratio
     at_com = accelerated(move.spin, move.spin_rate, move.origin, arm)
     force, moment = _newton_euler(mass[:, None], inertia, frames.rotation, move.spin, move.spin_rate, at_com)
     moment = moment + cross(frames.origin + arm, force)  # about the hip joint
-    force, moment = running_sum(force[::-1])[::-1], running_sum(moment[::-1])[::-1]
+    force, moment = carried_sum(force), carried_sum(moment)
     torque = dot(frames.axis, moment - cross(frames.origin, force))
     return torque, Wrench(force[0], moment[0] + cross(hip, force[0]))
 

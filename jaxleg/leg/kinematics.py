@@ -106,10 +106,15 @@ def link_motion(
     return LinkMotion(spin, spin_rate, end - added, end)
 
 
-def running_sum(x: Float[Array, "joint 3"]) -> Float[Array, "joint 3"]:
+def running_sum(x: Float[Array, "joint *n"]) -> Float[Array, "joint *n"]:
     """Sums over each joint and those before it."""
     second = x[0] + x[1]
     return jnp.stack([x[0], second, second + x[2]])
+
+
+def carried_sum(x: Float[Array, "joint *n"]) -> Float[Array, "joint *n"]:
+    """Sums over each joint and those after it: a joint carries its link and all beyond."""
+    return running_sum(x[::-1])[::-1]
 
 
 def leg_angles(

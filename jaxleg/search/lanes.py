@@ -147,7 +147,7 @@ class Lab:
         return LanePlan(to_reference(time, at), self.slack(self.planner(vector, setting), checks, setting), checks)
 
     def followed(self, plan: LanePlan, site: Site, setting: Setting) -> tuple[Score, Meters]:
-        """Judge one lane's plan by MJX; the constraints are those of the plan."""
+        """Judge one lane's plan in simulation; the constraints are those of the plan."""
         meters = simulate(self.engine, self.robot, self.ground, site.terrain, plan.reference, self.steps)
         energy = per_metre(meters.energy, meters.moved[0])
         objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(plan.slack)
@@ -156,7 +156,7 @@ class Lab:
     def simulated(
         self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting
     ) -> tuple[Float[Array, ""], tuple[Score, Meters]]:
-        """The objective of one lane by MJX, and what it came from. Differentiable in `vector`."""
+        """The objective of one lane in simulation, and what it came from. Differentiable in `vector`."""
         score, meters = self.followed(self.plan(vector, site, choice, setting), site, setting)
         return score.objective, (score, meters)
 

@@ -82,7 +82,7 @@ def survey_all(navigator: Navigator, maps: HeightMap) -> Survey:
 def simulate_all(
     navigator: Navigator, engine: Engine, ground: Ground, surveys: Survey, walked: Walked, goal: Float[np.ndarray, "map 2"]
 ) -> Outcome:
-    """Follow every plan in MJX; lanes without a plan stand. Lanes of about the same length run together."""
+    """Follow every plan in simulation; lanes without a plan stand. Lanes of about the same length run together."""
     count = len(goal)
     length = np.where(walked.status == Status.OK, walked.choices.count, 0)
     share = layout(count, MOST)

@@ -71,7 +71,7 @@ def search_group(state: Run, group: tuple[str, ...], training: dict[str, Lanes])
 
 
 def rank(state: Run, group: tuple[str, ...], training: dict[str, Lanes], ends: np.ndarray) -> np.ndarray:
-    """The best of each search (stage, parameter): the proxy on more terrains than a step saw, then MJX for the best few."""
+    """The best of each search (stage, parameter): the proxy on more terrains than a step saw, then simulation of the best."""
     began, search = time.perf_counter(), state.study.search
     lanes = pooled(training, group)
 
@@ -137,13 +137,13 @@ def judge(objective: Callable[..., np.ndarray], vectors: np.ndarray, lanes: Lane
 
 
 def simulated_objective(lab: Lab, *lanes: Any) -> np.ndarray:
-    """Objective of each lane in MJX; not finite for a fallen one."""
+    """Objective of each lane in simulation; not finite for a fallen one."""
     score, meters = lab.simulate_lanes(*lanes)
     return np.where(meters.fell, np.inf, score.objective)
 
 
 def simulated_gradient(lab: Lab, vector: jax.Array, lanes: Lanes) -> tuple[float, jax.Array]:
-    """Mean objective and gradient of one vector over the lanes, in MJX; lanes without a finite gradient stay out."""
+    """Mean objective and gradient of one vector over the lanes, in simulation; lanes without a finite gradient stay out."""
     rows = jnp.asarray(np.tile(vector, (lanes.number, 1)))
     score, meters, gradient = lab.simulate_gradients(rows, lanes.site, lanes.setting)
     usable = ~meters.fell & np.isfinite(gradient).all(axis=1)

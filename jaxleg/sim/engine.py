@@ -2,7 +2,7 @@
 
 An engine is a function `(q, v) -> Terms` for one lane. `mjx_engine` builds it from MJX's kinematics, inertia and bias
 functions on a model made from the `Robot`; no MuJoCo contact takes part. Another engine only has to return the same terms:
-`legged.legged_engine` writes them out, the same numbers in a tenth of the operations.
+`legged.legged_engine` writes them out, the same numbers in an eighth of the operations.
 """
 
 import contextlib

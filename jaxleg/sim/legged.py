@@ -1,4 +1,4 @@
-"""The engine written out for a trunk with four legs of three joints: the same terms as MJX's, in a tenth of the operations.
+"""The engine written out for a trunk with four legs of three joints: the same terms as MJX's, in an eighth of the operations.
 
 The mass matrix is that of composite bodies (Featherstone 2008, chapter 6): a column is the momentum that a unit speed of its
 joint gives to the links it carries. The bias is what Newton-Euler needs without any acceleration. Everything is in the
@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from jaxleg.conventions import GRAVITY
 from jaxleg.leg.dynamics import Motion, all_leg_frames, centre_of_mass, newton_euler
-from jaxleg.leg.kinematics import LegFrames, foot_jacobian
+from jaxleg.leg.kinematics import LegFrames, carried_sum, foot_jacobian
 from jaxleg.numerics import cross, cross_matrix, dot, matmul, matvec
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
@@ -72,9 +72,7 @@ def _leg_momenta(frames: LegFrames, hip, com, mass, inertia) -> _Leg:
     moments = mass[:, None] * place
     turned = matmul(frames.rotation * inertia[:, None, :], jnp.swapaxes(frames.rotation, -1, -2))
     about = turned - mass[:, None, None] * _squared(place)
-    beyond = jnp.tri(3, dtype=hip.dtype).T  # a joint carries its link and those after it
-    carried, moments = matvec(beyond, mass), matmul(beyond, moments)
-    about = jnp.sum(beyond[:, :, None, None] * about[None], axis=1)
+    carried, moments, about = carried_sum(mass), carried_sum(moments), carried_sum(about)
     moving = cross(hip[None] + frames.origin, frames.axis)  # what goes through B's origin with each joint's turn
     linear = carried[:, None] * moving + cross(frames.axis, moments)
     angular = matvec(about, frames.axis) + cross(moments, moving)

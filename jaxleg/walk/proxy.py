@@ -23,6 +23,14 @@ from jaxleg.walk.data import PlanChecks, Walk
 from jaxleg.walk.reference import Instant, phase_instant
 
 BATCH = 512  # instants of a walk worked out together
+# Smooth pieces (start, width, nodes) of a phase; (a, b) is a + b times the share of a swing in which load goes over.
+SHIFT_PIECES = (((0.0, 0.0), (0.5, 0.0), 4), ((0.5, 0.0), (0.5, 0.0), 4))  # two halves
+SWING_PIECES = (  # load off, foot up, foot down, load on
+    ((0.0, 0.0), (0.0, 1.0), 2),
+    ((0.0, 1.0), (0.5, -1.0), 7),
+    ((0.5, 0.0), (0.5, -1.0), 7),
+    ((1.0, -1.0), (0.0, 1.0), 2),
+)
 
 
 class Proxy(NamedTuple):
@@ -84,16 +92,6 @@ def _nodes(walk: Walk):
     phase = np.repeat(np.arange(len(nodes)), [node.shape[1] for node in nodes])
     share, weight = (jnp.asarray(x, walk.load_share.dtype) for x in np.concatenate(nodes, axis=1))
     return phase, share[:, 0] + share[:, 1] * walk.load_share, weight[:, 0] + weight[:, 1] * walk.load_share
-
-
-# Smooth pieces (start, width, nodes) of a phase; (a, b) is a + b times the share of a swing in which load goes over.
-SHIFT_PIECES = (((0.0, 0.0), (0.5, 0.0), 4), ((0.5, 0.0), (0.5, 0.0), 4))  # two halves
-SWING_PIECES = (  # load off, foot up, foot down, load on
-    ((0.0, 0.0), (0.0, 1.0), 2),
-    ((0.0, 1.0), (0.5, -1.0), 7),
-    ((0.5, 0.0), (0.5, -1.0), 7),
-    ((1.0, -1.0), (0.0, 1.0), 2),
-)
 
 
 def _quadrature(pieces):

@@ -9,8 +9,16 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxleg.robot.mjcf import robot_mjcf
+from jaxleg.search.config import Kind, Simulation, Study
+from jaxleg.search.run import make_lab
 from jaxleg.sim.engine import mjx_engine
 from jaxleg.sim.legged import legged_engine
+
+
+@pytest.mark.parametrize("make", [mjx_engine, legged_engine])
+def test_a_study_chooses_the_engine(make, pegasus):
+    study = Study(kinds={"flat": Kind()}, simulation=Simulation(engine=make.__name__.removesuffix("_engine")))
+    assert make_lab(study, pegasus).engine.__qualname__.startswith(make.__name__)
 
 
 def slanted(robot):

@@ -18,7 +18,7 @@ from jaxleg.leg.kinematics import foot_jacobian
 from jaxleg.numerics import cross, matmul, matvec
 from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.contact import Ground
-from jaxleg.sim.engine import Terms
+from jaxleg.sim.engine import Terms, mjx_engine
 from jaxleg.sim.legged import legged_engine
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain import HeightMap
@@ -86,9 +86,14 @@ def derivatives(make_engine, pegasus):
     return [np.asarray(x) for x in all_three(jnp.zeros(len(INPUTS)))]
 
 
-@pytest.fixture(scope="module", params=["massless links", pytest.param("legged", marks=pytest.mark.slow)])
+@pytest.fixture(
+    scope="module",
+    params=["massless links", pytest.param("legged", marks=pytest.mark.slow), pytest.param("mjx", marks=pytest.mark.slow)],
+)
 def found(request, pegasus):
-    return derivatives(massless_links if request.param == "massless links" else legged_engine, pegasus)
+    mjx = mjx_engine(pegasus) if request.param == "mjx" else None  # of a concrete robot
+    make = {"massless links": massless_links, "legged": legged_engine, "mjx": lambda _: mjx}
+    return derivatives(make[request.param], pegasus)
 
 
 def test_forward_mode_is_reverse_mode(found):
@@ -105,9 +110,10 @@ def test_both_are_central_differences(found, name):
     assert np.abs(forward[:4]).max() > 1e-4
 
 
-def test_the_terms_have_true_derivatives(engine):
+@pytest.mark.parametrize("make", [legged_engine, pytest.param(mjx_engine, marks=pytest.mark.slow)])
+def test_the_terms_have_true_derivatives(make, pegasus):
     """Along a direction in which the quaternion stays one."""
-    rng = np.random.default_rng(1)
+    rng, engine = np.random.default_rng(1), make(pegasus)
     q, v = rng.uniform(-1.0, 1.0, 19), rng.normal(size=18)
     q[3:7] /= np.linalg.norm(q[3:7])
     along = rng.normal(size=19), rng.normal(size=18)
