@@ -2,7 +2,8 @@
 
 On held-out terrains in simulation, under each power convention, no falls, speed equal within 1 %: on flat ground (knee bend
 >= 35 deg) (ii) saves >= 24 % and (iii) >= 40 % against `traditional`, (iii) >= 20 % against the paper's own parameters; on
-8/30 stairs (iii) saves >= 20 % against `traditional`. C MuJoCo agrees in sign and within 30 % of the saving. `implied` stands beside.
+8/30 stairs (iii) saves >= 20 % against `traditional`. C MuJoCo agrees in sign and within 30 % of the saving. `implied` stands
+beside.
 
     python -m experiments.check_saving                     runs the quickstart search first
     python -m experiments.check_saving --run runs/quickstart     reads a finished run

@@ -2,11 +2,10 @@
 
 On random rough ground and on cuboids, both tilted, a front and a hind leg (in turn) try candidate cells near each other: in
 simulation the foot stands on the piece of ground round the cell, at its default foothold, the other feet on level ground as
-high, and the
-trunk moves ahead over them. So the ground under the foot makes all the difference, not where the foot is or how high: the
-features know nothing of that. The expert ranks each set of candidates by energy and the foot's slip, each in units of its
-spread within the training sets; weights are learned from those rankings (listwise) and judged by the pairs they order rightly
-on held-out terrains, with a bootstrap over sets. Paper C, (11)-(13).
+high, and the trunk moves ahead over them. So the ground under the foot makes all the difference, not where the foot is or how
+high: the features know nothing of that. The expert ranks each set of candidates by energy and the foot's slip, each in units
+of its spread within the training sets; weights are learned from those rankings (listwise) and judged by the pairs they order
+rightly on held-out terrains, with a bootstrap over sets. Paper C, (11)-(13).
 
 Found (400 terrains): of the held-out pairs the learned weights order 0.77 (front) and 0.82 (hind) rightly, the hand's 0.72 and
 0.78. Slope under the foot is nearly all of it, and slip nearly all of what can be told (0.87, 0.86; energy 0.53, 0.57). Signed
