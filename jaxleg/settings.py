@@ -126,7 +126,12 @@ def to_table(instance: Any) -> dict[str, Any]:
 
 def dump(instance: Any, path: str | Path) -> None:
     """Write the dataclass as TOML that `load` reads back equal. Raises `InputError` as `write_whole`."""
-    write_whole(path, tomli_w.dumps(to_table(instance)))
+    write_whole(path, written(instance))
+
+
+def written(instance: Any) -> str:
+    """The dataclass as TOML."""
+    return tomli_w.dumps(to_table(instance))
 
 
 def write_whole(path: str | Path, text: str) -> None:

@@ -40,7 +40,7 @@ def npy_bytes(array: Any) -> bytes:
 def packed(members: Mapping[str, Any], method: int = zipfile.ZIP_DEFLATED) -> bytes:
     """Arrays, or what stands in their place as bytes, as an archive."""
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", method) as archive:
+    with zipfile.ZipFile(stream, "w", method, compresslevel=1) as archive:
         for key, value in members.items():
             archive.writestr(f"{key}.npy", value if isinstance(value, bytes) else npy_bytes(value))
     return stream.getvalue()

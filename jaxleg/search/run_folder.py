@@ -32,7 +32,7 @@ import numpy as np
 
 from jaxleg.conventions import InputError
 from jaxleg.files import plain, refusal, write_json
-from jaxleg.settings import dotted, dump, load, to_table, write_whole
+from jaxleg.settings import dotted, dump, load, to_table, write_whole, written
 
 Tree = TypeVar("Tree")
 ROOM = 2**20  # that a checkpoint must find on the disk besides its arrays [bytes]
@@ -185,6 +185,9 @@ class RunFolder:
             write_whole(self.history, whole)
 
     def _require_equal(self, path: Path, table: Any) -> None:
+        with contextlib.suppress(OSError, ValueError):  # what cannot be read is told by `load`
+            if path.read_text("utf-8") == written(table):
+                return
         before, now = dotted(to_table(load(type(table), path))), dotted(to_table(table))
         for key in {**now, **before}:
             old, new = before.get(key, "not set"), now.get(key, "not set")

@@ -85,6 +85,9 @@ def gradients(request, single, robot):
         yield request.param
 
 
+BY_PROXY = pytest.mark.parametrize("gradients", ["proxy"], indirect=True, scope="module")  # alike wherever gradients come from
+
+
 def unoptimised(function):
     """The function, compiled soon: it runs for less time than its compilation would take."""
 
@@ -140,6 +143,7 @@ def answer(whole, robot, gradients):
     return search(whole, robot, resume=False)
 
 
+@BY_PROXY
 def test_a_run_killed_after_every_single_save_reaches_the_same_answer(answer, tmp_path, robot):
     """Bit by bit; no stage is worked out twice."""
     result, chosen, stages = answer
@@ -218,6 +222,7 @@ def test_the_proxy_is_honest(answer, gradients):
     assert abs(proxy["bias"]) < 0.04
 
 
+@BY_PROXY
 def test_a_finished_run_can_be_resumed(answer, whole, robot):
     result, _, _ = answer
     again, _, saved = search(whole, robot, resume=True)
@@ -225,6 +230,7 @@ def test_a_finished_run_can_be_resumed(answer, whole, robot):
     assert saved == []
 
 
+@BY_PROXY
 def test_copies_of_one_terrain_count_once(answer):
     result, _, _ = answer
     assert result["terrains"]["by_kind"]["held_out"] == {"flat": 1, "rough": 2, "stairs": 2}
@@ -233,6 +239,7 @@ def test_copies_of_one_terrain_count_once(answer):
     assert result["best"]["flat"]["energy_per_metre"]["net"]["ci95"] is None
 
 
+@BY_PROXY
 @pytest.mark.parametrize("number", [0, 1])
 def test_few_or_no_terrains_for_the_referee(answer, whole, tmp_path, robot, number):
     """The finished run once more, only the referee's stages anew."""
@@ -248,6 +255,7 @@ def test_few_or_no_terrains_for_the_referee(answer, whole, tmp_path, robot, numb
     assert result["best"] == answer[0]["best"]
 
 
+@BY_PROXY
 def test_pictures_that_fail_lose_no_result(answer, whole, tmp_path, robot, monkeypatch, capsys):
     """They come last, each by itself; what failed is said, and the exit status is that of the result."""
     path = tmp_path / "run"

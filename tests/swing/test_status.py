@@ -71,6 +71,10 @@ def test_a_bad_lane_stalls_at_once_and_leaves_the_others_alone():
     blind = jax.jit(blind_swings)(printed(), STEP, profiles)
     np.testing.assert_array_equal(blind.exit, [Mode.SUPPORTED, Mode.STALLED, Mode.SUPPORTED])
     np.testing.assert_array_equal(blind.status, [StepStatus.OK, StepStatus.START_IN_GROUND, StepStatus.OK])
+
+
+@pytest.mark.slow  # long to compile
+def test_a_lane_without_ground_on_its_map_stalls_at_once_and_leaves_the_others_alone():
     ground = np.full((3, 201), 3.0)
     ground[2, 60] = np.nan
     maps = LocalMap(ground, np.full(3, -0.5), np.full(3, 0.05))

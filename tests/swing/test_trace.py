@@ -51,6 +51,7 @@ def test_a_blind_trace_is_the_swing(machines, profile):
         assert joined(trace) < 1e-5
 
 
+@pytest.mark.slow  # long to compile
 def test_an_informed_trace_is_the_swing(profile):
     wrong = jax.jit(sampled, static_argnums=3)(spline(LOWERED), -0.5, 9.5, 201)
     case = (printed(), cautious(clearance=0.1), STEP, profile, wrong)
