@@ -37,7 +37,7 @@ def main(run: Path | None = None, out: Path | None = None, quick: bool = False) 
     folder = run or Path("runs/quickstart")
     if run is None and not quick:
         subprocess.run([sys.executable, "-m", "jaxleg.cli", "search", str(CONFIG), "--out", str(folder)], check=True)
-    result = json.loads((folder / "result.json").read_text())
+    result = finished(folder / "result.json")
     rows = [check(result, *row, convention) for row in ROWS for convention in CONVENTIONS]
     print(f"{'terrain':8s}{'contestant':12s}{'against':13s}{'power':10s}{'simulation':>12s}{'C MuJoCo':>10s}  verdict")
     for row in rows:
@@ -45,6 +45,17 @@ def main(run: Path | None = None, out: Path | None = None, quick: bool = False) 
         print(f"{row['kind']:8s}{row['contestant']:12s}{row['against']:13s}{row['power']:10s}{saved}  {row['verdict']}")
     write("check_saving", out, {"rows": rows})
     return all(row["verdict"] in ("", "pass") for row in rows)
+
+
+def finished(path: Path) -> dict:
+    """The result of a finished search; exit status 2 and a sentence for what is none."""
+    try:
+        result = json.loads(path.read_text())
+        assert {"simulation", "mujoco"} <= result["saving"].keys()
+    except (OSError, ValueError, LookupError, TypeError, AssertionError):
+        print(f"{path}: is not the result of a finished search of this version; let --run name its run folder", file=sys.stderr)
+        raise SystemExit(2) from None
+    return result
 
 
 def check(result: dict, kind: str, name: str, key: str, target: float | None, power: str) -> dict:

@@ -12,12 +12,10 @@ import numpy as np
 from experiments.felt_walks import DT, ERROR, length_of, react, wrong
 from jaxleg.control.swing_leg import feeling
 from jaxleg.leg.energy import electrical
-from jaxleg.posture.collision import Sizes
 from jaxleg.search.config import Study
 from jaxleg.search.contestants import contestant
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import navigate, survey_all
-from jaxleg.search.sites import footing_rule
 from jaxleg.terrain import Grid, HeightMap
 from jaxleg.viz.walks import Seen, draw_walks
 from jaxleg.walk.build import build_walk
@@ -26,7 +24,6 @@ from jaxleg.walk.data import Walk
 from jaxleg.walk.navigation import Navigator
 from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import reference
-from jaxleg.walk.site import site_of
 
 VIEW = (0.2, 3.9, 0.3, 1.8)
 
@@ -38,7 +35,7 @@ def three_walks(
     true = jax.tree.map(lambda x: x[0], maps)
     ground = survey_all(navigator, maps)
     walks = {
-        "A, straight ahead": straight(study, lab, true, ends),
+        "A, straight ahead": straight(study, lab, navigator, true, ends),
         "C, along its body path": _first(navigate(navigator, ground, *ends)[0].walk),
     }
     energy = {name: energy_of(lab, walk) for name, walk in walks.items()}
@@ -48,7 +45,7 @@ def three_walks(
     return {"energy_j_per_m": energy, "B_fell": fell}
 
 
-def straight(study: Study, lab: Lab, terrain: HeightMap, ends: tuple[np.ndarray, np.ndarray]) -> Walk:
+def straight(study: Study, lab: Lab, navigator: Navigator, terrain: HeightMap, ends: tuple[np.ndarray, np.ndarray]) -> Walk:
     """Paper A's walk from the start as far along x as the goal is, in the map's own place."""
     start, goal = (np.asarray(xy[0], float) for xy in ends)
     planner = contestant(study, "rough", "paper")
@@ -57,7 +54,7 @@ def straight(study: Study, lab: Lab, terrain: HeightMap, ends: tuple[np.ndarray,
 
     @jax.jit
     def plan(moved):
-        site = site_of(footing_rule(study.terrains), Sizes.of(lab.robot), float(terrain.resolution), moved)
+        site = navigator.site(moved)  # one rule where a foot may stand, for all three
         stations = planner.route.stations(planner.gait, None, 2 * cycles + 2)
         choices, _ = choose(planner, lab.robot, site, stations, 4 * cycles)
         return build_walk(planner, lab.robot, site, stations, choices)

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from jaxleg.conventions import LEGS
+from jaxleg.gait.limits import leg_length
 from jaxleg.robot import Robot
 from jaxleg.robot.mjcf import FEET, LINKS, TRUNK, robot_mjcf
 from jaxleg.terrain.heightmap import HeightMap, heights
@@ -28,13 +29,14 @@ class Surface(NamedTuple):
 
 
 def build_model(robot: Robot, terrain: HeightMap, friction: float, finer: int = 2) -> mujoco.MjModel:
-    """The robot with its actuators and sensors on a height field of the terrain, `finer` times its resolution."""
+    """The robot with its actuators and sensors on a height field of the terrain, `finer` times its resolution. Beyond the map's
+    border the ground goes on level for a leg's length: a height field ends there and a foot beyond it would fall."""
     spec = mujoco.MjSpec.from_string(robot_mjcf(robot, feet_contact=True))
     option = spec.option
     option.timestep, option.impratio = STEP, 20.0
     option.integrator, option.cone = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtCone.mjCONE_ELLIPTIC
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    relief = _add_ground(spec, surface_of(terrain, finer), friction)
+    relief = _add_ground(spec, surface_of(_continued(terrain, float(leg_length(robot))), finer), friction)
     for site in spec.sites:  # a touch sensor sees the contacts inside its site
         site.size[0] = 4.0 * float(robot.contact_radius)
     _add_actuators(spec, robot)
@@ -42,6 +44,13 @@ def build_model(robot: Robot, terrain: HeightMap, friction: float, finer: int = 
     model = spec.compile()
     model.hfield_data[:] = relief.reshape(-1)
     return model
+
+
+def _continued(terrain: HeightMap, beyond: float) -> HeightMap:
+    """The map with its outermost cells once more, so far beyond its border [m]."""
+    cells = int(np.ceil(beyond / float(terrain.resolution)))
+    origin = np.asarray(terrain.origin) - cells * np.asarray(terrain.resolution)
+    return HeightMap(np.pad(np.asarray(terrain.elevation), cells, mode="edge"), origin, terrain.resolution)
 
 
 def _add_ground(spec: mujoco.MjSpec, surface: Surface, friction: float) -> np.ndarray:

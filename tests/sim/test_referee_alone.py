@@ -159,13 +159,14 @@ def test_motors_are_controllers_with_their_gains_and_limits(pegasus):
 
 
 def test_the_height_field_is_the_terrain(pegasus):
-    """Rays straight down beside the corners of the field's cells, half as wide as the map's; more along x than along y."""
+    """Rays straight down beside the corners of the field's cells, half as wide as the map's; more along x than along y, and
+    beyond the map's border, where the ground goes on level."""
     model = build_model(pegasus, BUMPS, FRICTION)
     data = mujoco.MjData(model)
     data.qpos[2] = 50.0
     mujoco.mj_forward(model, data)
     surface, geom = jax.jit(jax.vmap(height, in_axes=(None, 0))), np.zeros(1, np.int32)
-    x, y = np.meshgrid(-0.2 + 0.05 * np.arange(1, 20), 0.5 + 0.05 * np.arange(1, 12), indexing="ij")
+    x, y = np.meshgrid(-0.2 + 0.05 * np.arange(-5, 26), 0.5 + 0.05 * np.arange(-5, 18), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel()]) + np.array([1e-5, 2e-5])  # a ray along an edge may miss both sides
     found = []
     for place in points:
