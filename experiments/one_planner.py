@@ -74,9 +74,11 @@ def main(out: Path | None = None, quick: bool = False, parts: tuple[str, ...] = 
         "three_walks": lambda: side_by_side(*setup(), folder / "three_walks.png"),
         "c_gradients": lambda: doubled(lambda study, lab: c_gradients(lab, small(study, lab), 4 if quick else 32)),
     }
-    result = json.loads((folder / "result.json").read_text()) if parts and (folder / "result.json").exists() else {}
+    result: dict[str, Any] = {}
     for name in parts or rows:
-        result |= {name: rows[name](), "quick": quick}
+        row, file = rows[name](), folder / "result.json"
+        before = json.loads(file.read_text()) if parts and file.exists() else result  # another process may have added a part
+        result = before | {name: row, "quick": quick}
         write("one_planner", folder, result)
 
 
