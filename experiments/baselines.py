@@ -109,8 +109,7 @@ def judge(lab: Lab, vector, site, setting):
     score = lab.proxy(vector, site, choice, setting)
     walk = lab.walk(vector, site, choice, setting)
     first = jax.tree.map(lambda x: x[0], walk.phases)
-    shares = jnp.zeros((), vector.dtype), walk.gait.lift_share, walk.load_share
-    torque = phase_instant(lab.robot, first, *shares).torque
+    torque = phase_instant(lab.robot, first, jnp.zeros((), vector.dtype), walk.load_share).torque
     stand = jnp.sum(electrical(motor_power(lab.robot, torque, jnp.zeros_like(torque)), "net"))
     return score.energy[NET] * SPEED, stand, score.checks.margin, keeps_limits(score.checks, setting.least_bend)
 

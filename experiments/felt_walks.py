@@ -201,12 +201,12 @@ def touches(tick: Tick, walk: Walk) -> np.ndarray:
 def lengths(lab: Lab, walk: Walk) -> np.ndarray:
     """Length of each phase's flight (lane, phase) [m]."""
 
-    def phase(start, end, flight, lift_share):
-        foot = jax.vmap(lambda s: fly(start, end, flight, s, lift_share))(jnp.linspace(0.0, 1.0, 257, dtype=start.dtype))
+    def phase(start, end, flight):
+        foot = jax.vmap(lambda s: fly(start, end, flight, s))(jnp.linspace(0.0, 1.0, 257, dtype=start.dtype))
         return jnp.sum(jnp.linalg.norm(jnp.diff(foot, axis=0), axis=1))
 
-    lanes = jax.jit(jax.vmap(jax.vmap(phase, in_axes=(0, 0, 0, None))))
-    return np.asarray(lanes(*ends_of(walk), walk.phases.flight, walk.gait.lift_share))
+    lanes = jax.jit(jax.vmap(jax.vmap(phase)))
+    return np.asarray(lanes(*ends_of(walk), walk.phases.flight))
 
 
 def single_steps(count: int, grid: Grid) -> HeightMap:

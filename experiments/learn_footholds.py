@@ -123,8 +123,7 @@ def stand(lab: Lab, planner: Planner, patch: jax.Array, leg: int) -> tuple[jax.A
     there = jnp.broadcast_to(feet, (PHASES, 4, 3))
     still = no_flights(PHASES, feet.dtype)
     phases = Phases(jnp.cumsum(time) - time, time, poses[:-1], poses[1:], there, there, still, none)
-    shares = planner.gait.lift_share, planner.swing.load_share
-    track = to_reference(*phase_instants(lab.robot, phases, SWING_LEG, *shares, (SAMPLES, SAMPLES)))
+    track = to_reference(*phase_instants(lab.robot, phases, SWING_LEG, planner.swing.load_share, (SAMPLES, SAMPLES)))
     track = stand_first(track, STAND, STAND_SAMPLES)
     meters = simulate(lab.engine, lab.robot, lab.ground, terrain, track, STEPS, STAND_SAMPLES)
     return jnp.sum(electrical(meters.energy, lab.convention)), meters.slip[leg], meters.fell

@@ -52,9 +52,10 @@ def _planned(robot, terrain, seconds, samples):
     poses = first[None] + jnp.cumsum(jnp.asarray(np.stack([np.zeros(6), SHIFTED, MOVED_ON])), axis=0)
     swings, duration = jnp.asarray(np.eye(4)[SWINGS] * [[0.0], [1.0]]), jnp.asarray(seconds)
     feet_from, feet_to = jnp.stack([feet, feet]), jnp.stack([feet, landed])
-    flight = no_flights(2, duration.dtype)._replace(apex=APEX * jnp.sum(swings, axis=1))
+    moves = jnp.sum(swings, axis=1)
+    flight = no_flights(2, duration.dtype)._replace(apex=APEX * moves, lift=LIFT_SHARE * moves)
     phases = Phases(jnp.cumsum(duration) - duration, duration, poses[:2], poses[1:], feet_from, feet_to, flight, swings)
-    time, at = phase_instants(robot, phases, (SHIFT, SWINGS), jnp.asarray(LIFT_SHARE), jnp.asarray(LOAD_SHARE), samples)
+    time, at = phase_instants(robot, phases, (SHIFT, SWINGS), jnp.asarray(LOAD_SHARE), samples)
     return time, at, to_reference(time, at)
 
 

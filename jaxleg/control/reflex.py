@@ -92,7 +92,7 @@ class Reflex(Controller[ReflexMemory, None]):
 def reflex(robot: Robot, walk: Walk, machine: Machine, feel: Feeling, dt: Float[Array, ""]) -> Reflex:
     """The controller that walks a plan with a feeling leg in ticks of dt [s]."""
     phase = jax.tree.map(lambda x: x[0], walk.phases)
-    return Reflex(robot, walk, machine, feel, phase_instant(robot, phase, 0.0, walk.gait.lift_share, walk.load_share), dt)
+    return Reflex(robot, walk, machine, feel, phase_instant(robot, phase, 0.0, walk.load_share), dt)
 
 
 def under_way(reflex: Reflex, at: ReflexMemory) -> tuple[Int[Array, ""], Bool[Array, ""]]:
@@ -143,8 +143,7 @@ def _moved(reflex: Reflex, phase):
 
 def _foot(reflex: Reflex, at: ReflexMemory, phase, leg, later):
     """The moving foot a little later."""
-    machine, lift_share = bounded(reflex.machine, at.swing), reflex.walk.gait.lift_share
-    return foot_at(machine, reflex.feel, at.swing, phase.flight, lift_share, _moved(reflex, phase), later)
+    return foot_at(bounded(reflex.machine, at.swing), reflex.feel, at.swing, phase.flight, _moved(reflex, phase), later)
 
 
 def _proceed(reflex: Reflex, at: ReflexMemory, state: State) -> ReflexMemory:

@@ -125,12 +125,11 @@ def foot_at(
     feel: Feeling,
     swing: Swinging,
     flight: Flight,
-    lift_share: Float[Array, ""],
     time: Float[Array, ""],
     later: Float[Array, ""],
 ) -> Float[Array, "3"]:
     """Foot in W [m] a little `later` [s]: along the planned swing (`fly`, in `time` [s]) or the machine's segment."""
-    planned = fly(swing.origin, _target(swing), flight, jnp.minimum((swing.clock + later) / time, 1.0), lift_share)
+    planned = fly(swing.origin, _target(swing), flight, jnp.minimum((swing.clock + later) / time, 1.0))
     arc = segment(machine, swing.step, swing.state)
     share = jnp.minimum(arc.begin + (swing.clock + later) / _lasting(arc, swing), arc.end)
     return jnp.where(_by_plan(feel, swing), planned, _in_world(swing, point_at(arc, share)))

@@ -13,6 +13,7 @@ class Flight(NamedTuple):
     """A foot's law in one swing, or in many (leading axes); `swing.flight.fly` says where the foot is."""
 
     apex: Float[Array, "*batch"]  # of the path above the higher end [m]
+    lift: Float[Array, "*batch"]  # of a cycloid: part of the time at either end in which the foot moves only up or down
     corner: Float[Array, "*batch corner 2"]  # of a route: share of the way, height in W [m]; none: a cycloid
     rounding: Float[Array, "*batch"]  # length [m] over which the corners are rounded to either side
 
@@ -20,7 +21,7 @@ class Flight(NamedTuple):
 def no_flights(count: int, dtype: jnp.dtype) -> Flight:
     """The flights of so many phases in which no foot flies."""
     zero = jnp.zeros(count, dtype)
-    return Flight(zero, jnp.zeros((count, 0, 2), dtype), zero)
+    return Flight(zero, zero, jnp.zeros((count, 0, 2), dtype), zero)
 
 
 class Moves(NamedTuple):

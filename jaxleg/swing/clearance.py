@@ -38,4 +38,4 @@ class Cycloid:
         high, base, lift = (f(x[1:], x[:-1]) for f, x in ((jnp.maximum, high), (jnp.minimum, base), (jnp.minimum, lift)))
         top = base + (high + self.clearance * lift - base) / lift
         apex = jnp.maximum(jnp.max(top) - jnp.maximum(start[2], end[2]), gait.swing_height)
-        return Flight(apex, jnp.zeros((0, 2), apex.dtype), jnp.zeros_like(apex))
+        return Flight(apex, gait.lift_share, jnp.zeros((0, 2), apex.dtype), jnp.zeros_like(apex))

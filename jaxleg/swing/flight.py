@@ -14,16 +14,10 @@ from jaxleg.numerics import norm_safe, smooth_ramp, smoothstep
 from jaxleg.swing.cycloid import swing_foot
 
 
-def fly(
-    start: Float[Array, "3"],
-    end: Float[Array, "3"],
-    flight: Flight,
-    share: Float[ArrayLike, ""],
-    lift_share: Float[ArrayLike, ""],
-) -> Float[Array, "3"]:
+def fly(start: Float[Array, "3"], end: Float[Array, "3"], flight: Flight, share: Float[ArrayLike, ""]) -> Float[Array, "3"]:
     """Foot [m] at a share of its flight in W: along a route at minimum jerk, or a compound cycloid (`swing_foot`)."""
     if not flight.corner.shape[-2]:
-        return swing_foot(start, end, flight.apex, share, lift_share)
+        return swing_foot(start, end, flight.apex, share, flight.lift)
     way = end[:2] - start[:2]
     corner = flight.corner.at[0, 1].set(start[2]) * jnp.stack([norm_safe(way), jnp.ones_like(start[2])])[None]
     point = along(corner, flight.rounding, smoothstep(share))

@@ -34,7 +34,8 @@ class Taut:
         view = _view(local, widened(local, self.clearance, WINDOW), start)
         stride = points(local)[-1]
         corner = taut_string(view).corner / jnp.stack([stride, jnp.ones_like(stride)])[None]
-        return Flight(jnp.max(corner[:, 1]) - jnp.maximum(start[2], end[2]), corner, self.clearance)
+        apex = jnp.max(corner[:, 1]) - jnp.maximum(start[2], end[2])
+        return Flight(apex, jnp.zeros_like(apex), corner, self.clearance)
 
 
 def section(robot: Robot, ground: Obstacles, start: Float[Array, "3"], end: Float[Array, "3"]) -> LocalMap:

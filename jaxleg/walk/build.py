@@ -163,7 +163,7 @@ def _lowered(planner, robot, shape: Layout, moves: Moves, poses):
 
     def needed(move, share):
         pose = trunk_path(move, share)
-        feet = foot_path(move, share, planner.gait.lift_share, planner.swing.load_share)
+        feet = foot_path(move, share, planner.swing.load_share)
         return jnp.max(lowering_needed(robot, pose, feet, planner.limits.knee_bend)[0])
 
     by_phase = jnp.max(jax.vmap(lambda s: jax.vmap(needed, in_axes=(0, None))(moves, s))(shares), axis=0)

@@ -45,7 +45,7 @@ class Proxy(NamedTuple):
 def evaluate(robot: Robot, walk: Walk) -> Proxy:
     """Energy and checks over all of a walk; one lane, `vmap` outside."""
     phase, share, weight = _nodes(walk)
-    at = over_phases(lambda p, s: phase_instant(robot, p, s, walk.gait.lift_share, walk.load_share), walk, phase, share)
+    at = over_phases(lambda p, s: phase_instant(robot, p, s, walk.load_share), walk, phase, share)
     power = motor_power(robot, at.torque, at.velocity)
     used = walk.used[phase]
     seconds = jnp.where(used, weight * walk.phases.duration[phase], 0.0)

@@ -51,19 +51,13 @@ class Instant(NamedTuple):
     reach: jax.Array  # `Reach` a leg
 
 
-def phase_instant(
-    robot: Robot,
-    phase: Phases,
-    share: Float[ArrayLike, ""],
-    lift_share: Float[ArrayLike, ""],
-    load_share: Float[ArrayLike, ""],
-) -> Instant:
+def phase_instant(robot: Robot, phase: Phases, share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]) -> Instant:
     """The reference at a share of one phase, with exact time derivatives: of trunk and feet by forward differentiation,
     of the joints through the legs' Jacobians. Shares as in `trajectory.foot_path`."""
 
     def at(time):
         now = share + time / phase.duration
-        return trunk_path(phase, now), foot_path(phase, now, lift_share, load_share)
+        return trunk_path(phase, now), foot_path(phase, now, load_share)
 
     return instant_of(robot, pose_at(at, jnp.zeros((), phase.duration.dtype)), load_weight(phase, share, load_share))
 
@@ -114,21 +108,20 @@ def reference(robot: Robot, walk: Walk, samples: tuple[int, int]) -> Reference:
 
 def instants(robot: Robot, walk: Walk, samples: tuple[int, int]) -> tuple[Float[Array, "t"], Instant]:
     """Times [s] of the samples of `reference`, and everything about the plan at them."""
-    return phase_instants(robot, walk.phases, walk.legs, walk.gait.lift_share, walk.load_share, samples)
+    return phase_instants(robot, walk.phases, walk.legs, walk.load_share, samples)
 
 
 def phase_instants(
     robot: Robot,
     phases: Phases,
     legs: tuple[int, ...],
-    lift_share: Float[ArrayLike, ""],
     load_share: Float[ArrayLike, ""],
     samples: tuple[int, int],
 ) -> tuple[Float[Array, "t"], Instant]:
     """Times [s] and instants of any phases, `legs` their swinging leg or `SHIFT`; so many samples a shift and a swing."""
     phase, share = phase_samples(samples, legs)
     phases, share = jax.tree.map(lambda x: x[phase], phases), jnp.asarray(share, phases.start.dtype)
-    at = jax.vmap(lambda p, s: phase_instant(robot, p, s, lift_share, load_share))(phases, share)
+    at = jax.vmap(lambda p, s: phase_instant(robot, p, s, load_share))(phases, share)
     return phases.start + share * phases.duration, at
 
 

@@ -14,14 +14,12 @@ def trunk_path(phase: Moves | Phases, share: Float[ArrayLike, ""]) -> Float[Arra
     return phase.trunk_from + (phase.trunk_to - phase.trunk_from) * smoothstep(share)
 
 
-def foot_path(
-    phase: Moves | Phases, share: Float[ArrayLike, ""], lift_share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]
-) -> Float[Array, "leg 3"]:
+def foot_path(phase: Moves | Phases, share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]) -> Float[Array, "leg 3"]:
     """Foot centres in W [m] at a share of one phase; the foot moves once its load has been taken over by the others."""
     inner = jnp.clip((jnp.asarray(share) - load_share) / (1.0 - 2.0 * load_share), 0.0, 1.0)
     swings = phase.swings[:, None]
     start, end = (jnp.sum(swings * feet, axis=0) for feet in (phase.feet_from, phase.feet_to))
-    return jnp.where(swings > 0.0, fly(start, end, phase.flight, inner, lift_share)[None], phase.feet_to)
+    return jnp.where(swings > 0.0, fly(start, end, phase.flight, inner)[None], phase.feet_to)
 
 
 def load_weight(phase: Moves | Phases, share: Float[ArrayLike, ""], load_share: Float[ArrayLike, ""]) -> Float[Array, "leg"]:

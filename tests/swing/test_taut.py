@@ -39,7 +39,7 @@ def flown(pegasus):
         terrain = dataclasses.replace(GRID.map(jnp.zeros((GRID.nx, GRID.ny))), elevation=elevation)
         near = obstacles(terrain, GRID.resolution, RADIUS, RADIUS)
         flight = law.flight(pegasus, gait(), near, start, end)
-        foot = jax.vmap(lambda s: fly(start, end, flight, s, jnp.asarray(0.0)))(shares)
+        foot = jax.vmap(lambda s: fly(start, end, flight, s))(shares)
         return flight, section(pegasus, near, start, end), foot
 
     return lambda boxes, shares, start=START, end=END, rise=(0.0, 0.0): run(
@@ -105,7 +105,7 @@ def test_it_takes_a_foot_from_where_it_stands(flown, pegasus):
     """A foot found 3 cm lower than planned goes up from there along the same route."""
     flight, _, _ = flown(BOXES["one"], np.zeros(1))
     start, end = (np.append(xy, float(pegasus.contact_radius)) for xy in (START, END))
-    at = jax.jit(lambda start, s: fly(start, jnp.asarray(end), flight, s, jnp.asarray(0.0)))
+    at = jax.jit(lambda start, s: fly(start, jnp.asarray(end), flight, s))
     lower = start - np.array([0.0, 0.0, 0.03])
     np.testing.assert_allclose(at(lower, 0.0), lower, atol=1e-9)
     np.testing.assert_allclose(at(lower, 1.0), end, atol=1e-9)
@@ -122,7 +122,7 @@ def test_its_gradient_is_its_differences(pegasus):
         near = obstacles(GRID.map(elevation), GRID.resolution, RADIUS, RADIUS)
         start = jnp.stack([numbers[1], jnp.zeros(()), numbers[2]])
         end = jnp.stack([numbers[3], numbers[4], jnp.asarray(0.03)])
-        return jnp.sum(fly(start, end, law.flight(pegasus, gait(), near, start, end), share, jnp.asarray(0.0)))
+        return jnp.sum(fly(start, end, law.flight(pegasus, gait(), near, start, end), share))
 
     numbers = np.array([0.1, 0.0013, 0.031, 0.2417, 0.1009])
     value, slope = jax.jit(height), jax.jit(jax.grad(height))
@@ -133,9 +133,9 @@ def test_its_gradient_is_its_differences(pegasus):
 
 
 def test_a_foot_that_goes_nowhere_has_finite_gradients(pegasus):
-    flight = Flight(jnp.asarray(0.1), jnp.tile(jnp.array([[0.0, 0.1]]), (5, 1)), jnp.asarray(0.02))
+    flight = Flight(jnp.asarray(0.1), jnp.asarray(0.0), jnp.tile(jnp.array([[0.0, 0.1]]), (5, 1)), jnp.asarray(0.02))
     foot = jnp.array([0.1, 0.2, 0.1])
-    slope = jax.jacobian(lambda end: fly(foot, end, flight, jnp.asarray(0.4), jnp.asarray(0.0)))(foot)
+    slope = jax.jacobian(lambda end: fly(foot, end, flight, jnp.asarray(0.4)))(foot)
     assert np.isfinite(slope).all()
 
 

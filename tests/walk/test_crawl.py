@@ -81,7 +81,7 @@ def least_bend(pegasus, walk):
     shares = jnp.linspace(0.0, 1.0, 41)
 
     def knee(phase, share):
-        angles, _ = joint_angles(pegasus, trunk_path(phase, share), foot_path(phase, share, 0.1, 0.1))
+        angles, _ = joint_angles(pegasus, trunk_path(phase, share), foot_path(phase, share, 0.1))
         return jnp.min(jnp.abs(angles[:, 2]))
 
     return jnp.min(jax.vmap(lambda s: jax.vmap(knee, in_axes=(0, None))(walk.phases, s))(shares))
@@ -105,7 +105,7 @@ def test_on_stairs_the_trunk_pitches_with_them(walk_on):
 
 @jax.jit
 def height_over_ground(phases, terrain):
-    feet = jax.vmap(lambda s: jax.vmap(lambda p: foot_path(p, s, 0.2, 0.1))(phases))(jnp.linspace(0.3, 0.7, 41))
+    feet = jax.vmap(lambda s: jax.vmap(lambda p: foot_path(p, s, 0.1))(phases))(jnp.linspace(0.3, 0.7, 41))
     ground = jax.vmap(height, in_axes=(None, 0))(terrain, feet[..., :2].reshape(-1, 2))
     return feet[..., 2] - ground.reshape(feet.shape[:-1])
 

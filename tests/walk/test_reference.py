@@ -26,7 +26,7 @@ def sampled(robot, walk):
 @jax.jit
 def instant_at(robot, walk, phase, share):
     phase = jax.tree.map(lambda x: x[phase], walk.phases)
-    return phase_instant(robot, phase, share, walk.gait.lift_share, walk.load_share)
+    return phase_instant(robot, phase, share, walk.load_share)
 
 
 @jax.jit
