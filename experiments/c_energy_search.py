@@ -8,7 +8,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 
 from experiments.c_walks import (
     Walks,
@@ -37,36 +36,51 @@ from jaxleg.walk.proxy import evaluate
 POSTURE = {  # numbers of C's posture that its energy search moves, and their bounds
     "gait.hip_height": (0.40, 0.55),
     "gait.foot_offset": (-0.12, 0.12),
-    "posture.levelling": (-0.01, 1.01),
-    "posture.target_weight": (-0.01, 1.01),
+    "posture.levelling": (0.0, 1.0),
+    "posture.target_weight": (0.0, 1.0),
     "posture.cog.ratio": (0.2, 0.8),
 }
+FIRST = 0.1  # step of the descent, of the bounds' widths
+KEPT = 0.9  # of the walks must still be found: numbers that save energy where there is a walk may leave few of them
 
 
 def c_energy_search(study: Study, lab: Lab, train: int, held: int, steps: int) -> dict[str, Any]:
-    """Numbers of C's posture moved by gradient over training maps, its choices made anew in each step; the walks of hand-set
-    and moved numbers followed in simulation on other maps."""
+    """Numbers of C's posture moved down the mean gradient over training maps, the choices made anew in each step; a step that
+    costs walks or saves nothing is halved. The walks of hand-set and moved numbers are followed in simulation on other maps."""
     navigator = small(study, lab)
     walks, found = planned(navigator, some_maps(train, 0.5))
-    walks = take(walks, np.flatnonzero(found))
-    low, high = (np.array(x, np.float32) for x in zip(*POSTURE.values()))
-    numbers = np.asarray(read_leaves(navigator.planner, tuple(POSTURE)), np.float32)
-    free, optimiser = np.log((numbers - low) / (high - numbers)), optax.adam(0.3)
-    state, slope, history = optimiser.init(free), over_lanes(jax.value_and_grad(held_cost(lab, navigator)), 8), []
-    rechoose = over_lanes(functools.partial(_choices, navigator), 8)
+    judge = judged(lab, navigator, take(walks, np.flatnonzero(found)))
+    low, width = (np.array(x, np.float32) for x in zip(*((low, high - low) for low, high in POSTURE.values())))
+    at, rate, history = np.asarray(read_leaves(navigator.planner, tuple(POSTURE)), np.float32), FIRST, []
+    value, gradient, good = judge(at)
     for step in range(steps):
-        batch = take(walks, (16 * step + np.arange(16)) % len(walks.site.valid))
-        at = low + (high - low) / (1.0 + np.exp(-free))
-        choices, good = rechoose(np.tile(at, (16, 1)), batch.site, batch.line)
-        value, gradient = slope(np.tile(at, (16, 1)), batch._replace(choices=choices))
-        good = good & np.isfinite(gradient).all(axis=1)
-        mean = np.where(good[:, None], gradient, 0.0).sum(axis=0) / max(good.sum(), 1)
-        history.append({"cost": float(value[good].mean()), "planned": int(good.sum())} | dict(zip(POSTURE, at.tolist())))
-        print(step, history[-1])
-        update, state = optimiser.update(mean * (at - low) * (high - at) / (high - low), state)
-        free = np.asarray(optax.apply_updates(free, update))
-    at = low + (high - low) / (1.0 + np.exp(-free))
+        slope = np.mean(gradient[good], axis=0) * width
+        trial = np.clip((at - low) / width - rate * slope / max(np.linalg.norm(slope), 1e-12), 0.0, 1.0) * width + low
+        there = judge(trial)
+        both = good & there[2]
+        better = there[2].sum() >= KEPT * found.sum() and there[0][both].mean() < value[both].mean()
+        if better:
+            at, (value, gradient, good) = trial, there
+        rate = rate if better else 0.5 * rate
+        row = {"cost": float(value[good].mean()), "planned": int(good.sum()), "tried": int(there[2].sum()), "rate": rate}
+        history.append(row | dict(zip(POSTURE, at.tolist())))
+        print(step, history[-1], flush=True)
     return {"moved": dict(zip(POSTURE, at.tolist())), "history": history} | compared(lab, navigator, at, held)
+
+
+def judged(lab: Lab, navigator: Navigator, walks: Walks) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """The function of the numbers that gives cost and gradient of each walk, and whether there is one."""
+    slope = over_lanes(jax.value_and_grad(held_cost(lab, navigator)), 8)
+    rechoose, count = over_lanes(functools.partial(_choices, navigator), 8), len(walks.site.valid)
+
+    def judge(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Cost, gradient and whether there is a walk, by map."""
+        rows = np.tile(numbers, (count, 1))
+        choices, good = rechoose(rows, walks.site, walks.line)
+        value, gradient = slope(rows, walks._replace(choices=choices))
+        return value, gradient, good & np.isfinite(gradient).all(axis=1) & np.isfinite(value)
+
+    return judge
 
 
 def held_cost(lab: Lab, navigator: Navigator) -> Callable[[jax.Array, Walks], jax.Array]:

@@ -68,7 +68,7 @@ def main(out: Path | None = None, quick: bool = False, parts: tuple[str, ...] = 
     rows: dict[str, Callable[[], dict[str, Any]]] = {
         "headings": lambda: doubled(headings),
         "a_on_curves": lambda: a_on_curves(*setup(), 8 if quick else 64),
-        "c_energy_search": lambda: c_energy_search(*setup(), *((6, 4, 3) if quick else (64, 32, 16))),
+        "c_energy_search": lambda: c_energy_search(*setup(), *((6, 4, 3) if quick else (64, 32, 12))),
         "feeling": lambda: felt(*setup(), *((8, 2) if quick else (64, 16))),
         "taut_string": lambda: taut(*setup(), *((6, 16) if quick else (72, 256))),
         "three_walks": lambda: side_by_side(*setup(), folder / "three_walks.png"),
