@@ -121,7 +121,7 @@ def feel_the_way(
 
 def interval_of(count: int, of: int) -> list[float]:
     """95 % interval of a share (Wilson)."""
-    return list(stats.binomtest(count, of).proportion_ci(method="wilson"))
+    return [float(end) for end in stats.binomtest(count, of).proportion_ci(method="wilson")]
 
 
 def taut_string(

@@ -114,7 +114,7 @@ def headings(study: Study, lab: Lab) -> dict[str, Any]:
     energies = np.array(list(rows.values()))[:, :2]
     apart = np.ptp(energies, axis=0) / energies.mean(axis=0)
     print("A at headings:", rows, "apart", apart)
-    return {"proxy_mjx_fell": rows, "apart": apart.tolist()}
+    return {"proxy_simulation_fell": rows, "apart": apart.tolist()}
 
 
 def a_on_curves(study: Study, lab: Lab, count: int) -> dict[str, Any]:
