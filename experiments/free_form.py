@@ -1,7 +1,7 @@
 """What does a walk save whose form is free? Trunk, times, swings and feet moved by gradients, on top of the gait's ten numbers.
 
 Three descents on the proxy from the quickstart's best gait, alike in optimiser, steps, training terrains and constraints: the
-ten numbers alone, the ten with a half cycle's free form and its mirror image, and with the form of every half cycle its own.
+ten numbers alone, the ten with a half cycle's free form and its mirror image, and from there on with every half cycle's own.
 They and `traditional` are then walked on held-out terrains in simulation and in C MuJoCo. All keep traditional's stability
 margin, the kind's knee bend and one speed.
 
@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 
 from experiments.common import CONFIG, setup, training, write
 from jaxleg.leg.energy import CONVENTIONS
-from jaxleg.search import descent
+from jaxleg.search import descent, stages
 from jaxleg.search.config import Study
 from jaxleg.search.contest import Contest, contest, saving, summary
 from jaxleg.search.contestants import baseline, bounds, contestant, planner_of
@@ -32,10 +32,9 @@ from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.leaves import read_leaves
 from jaxleg.search.referees import replay_contest
 from jaxleg.search.sites import make_sites
-from jaxleg.search.stages import spread
 from jaxleg.settings import load
 from jaxleg.viz.style import BLACK, GREEN, GREY, ORANGE, WIDTH, label, legend_below, save
-from jaxleg.walk.free import kinds
+from jaxleg.walk.free import gathered, kinds, spread
 from jaxleg.walk.reference import reference
 
 FORMS = {"mirrored": (1, True), "whole": (None, False)}  # half cycles after which the form is alike, and left and right changed
@@ -87,7 +86,7 @@ def sizes(labs: dict[str, FreeLab]) -> dict[str, int]:
 
 def make_task(study: Study, lab: FreeLab, kind: str, best: Study | None, train: int, steps: int) -> Task:
     """Training terrains on which energy counts against `traditional`'s, whose margin must keep to it."""
-    lanes = spread(training(study, lab, kind), train)
+    lanes = stages.spread(training(study, lab, kind), train)
     vectors = np.tile(widened(lab, baseline(study, kind, "traditional")), (lanes.number, 1))
     alone = settings_of(contestant(study, kind, "traditional"), lanes.number)
     score, _ = lab.proxy_gradients(vectors, lanes.site, alone)
@@ -108,13 +107,20 @@ def searched(task: Task, labs: dict[str, FreeLab]) -> tuple[dict[str, np.ndarray
     vectors, lasted = {}, {}
     for name in ("ten", *labs):
         lab, began = labs[name if name in labs else "mirrored"], time.perf_counter()
-        vectors[name] = descended(task, lab, free=name in labs)
+        begin = widened(lab, task.start) if name != "whole" else on(lab, labs["mirrored"], vectors["mirrored"])
+        vectors[name] = descended(task, lab, begin, free=name in labs)
         lasted[name] = time.perf_counter() - began
     return vectors, lasted
 
 
-def descended(task: Task, lab: FreeLab, free: bool) -> np.ndarray:
-    """The end of a descent from the best gait on all training terrains at once; the free form's numbers move or stay zero. Feet
+def on(lab: FreeLab, other: FreeLab, vector: np.ndarray) -> np.ndarray:
+    """Another lab's vector as one of a lab whose form has more numbers."""
+    ten, form = np.split(vector, [len(other.move)])
+    return np.concatenate([ten, gathered(lab.tie, spread(other.tie, jnp.asarray(form)))]).astype(np.float32)
+
+
+def descended(task: Task, lab: FreeLab, begin: np.ndarray, free: bool) -> np.ndarray:
+    """The best of a descent from a vector on all training terrains at once; the free form's numbers move or stay zero. Feet
     go aside where every cell is a foothold: a cell's place is not the descent's to choose."""
     held = (
         np.array(kinds(lab.tie)) == "aside"
@@ -123,13 +129,17 @@ def descended(task: Task, lab: FreeLab, free: bool) -> np.ndarray:
     )
     form = np.where(held[:, None], 0.0, lab.bounds)
     span = jnp.asarray(np.concatenate([bounds(task.study, task.kind, "best"), form]), float)[None]
-    optimiser, known = descent.make_optimiser(RATE, task.steps), jnp.asarray(widened(lab, task.start))[None]
+    optimiser, known = descent.make_optimiser(RATE, task.steps), jnp.asarray(begin)[None]
     points = descent.start(jax.random.key(task.study.seed), known, span, 1, optimiser)
+    least, best = np.inf, begin
     while int(points.step) < task.steps:
+        at = np.asarray(descent.bounded(points.free, span))[0]
         points, objective = descent.descend(lab, task.train, span, points, task.train.number, optimiser)
+        if objective[0] < least:
+            least, best = objective[0], at
         if int(points.step) % 100 == 0:
-            print(f"{task.kind}: step {int(points.step)}, {objective[0]:.4f} of the baseline", flush=True)
-    return np.asarray(descent.bounded(points.free, span))[0]
+            print(f"{task.kind}: step {int(points.step)}, {least:.4f} of the baseline", flush=True)
+    return best
 
 
 def row(task: Task, labs: dict[str, FreeLab], vectors: dict[str, np.ndarray], held: int) -> dict[str, Any]:
@@ -137,7 +147,7 @@ def row(task: Task, labs: dict[str, FreeLab], vectors: dict[str, np.ndarray], he
     study, kind = task.study, task.kind
     site = make_sites(study, labs["mirrored"].robot, kind, held_out=True)
     alone = Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
-    lanes = spread(alone, held)
+    lanes = stages.spread(alone, held)
     gaits = {"traditional": widened(labs["mirrored"], baseline(study, kind, "traditional"))} | vectors
     engines: dict[str, dict[str, Contest]] = {"simulation": {}, "mujoco": {}}
     for name, vector in gaits.items():

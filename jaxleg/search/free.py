@@ -9,12 +9,14 @@ from jaxtyping import Array, Float
 from jaxleg.gait.limits import leg_length
 from jaxleg.gait.order import SHIFT
 from jaxleg.gait.phases import layout
-from jaxleg.search.lanes import CYCLES, Lab, Setting
+from jaxleg.search.lanes import CYCLES, Lab, Setting, stations
 from jaxleg.terrain.site import Site
+from jaxleg.walk.build import build_walk, lowered
 from jaxleg.walk.choices import Choices
 from jaxleg.walk.data import Walk
 from jaxleg.walk.free import Tie, aside, freed, kinds, spread, tie
 
+SHAPE = layout(4 * CYCLES, shared=True, standing=False)  # of paper A's crawl
 # How far a number may move: lengths as shares of the leg's, angles in radians, the log of a time, shares of a time.
 SPANS = {
     **{f"trunk {i}": (-1 / 6, 1 / 6) for i in range(3)},
@@ -34,9 +36,13 @@ class FreeLab(Lab):
     tie: Tie
 
     def walk(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> Walk:
-        """The walk of one lane with its footholds chosen, then freed."""
-        free = spread(self.tie, vector[len(self.move) :])
-        return freed(super().walk(vector, site, aside(choice, free), setting), free)
+        """The walk of one lane with its footholds chosen, then freed, and then lowered as far as its legs ask."""
+        planner, free = self.planner(vector, setting), spread(self.tie, vector[len(self.move) :])
+        tall = dataclasses.replace(planner, posture=dataclasses.replace(planner.posture, lowering="none"))
+        walk = build_walk(tall, self.robot, site, stations(planner, CYCLES), aside(choice, free))
+        walk = freed(walk, free)
+        phases, poses, lowering = lowered(planner, self.robot, SHAPE, walk.phases, walk.poses)
+        return dataclasses.replace(walk, phases=phases, poses=poses, lowering=lowering)
 
     @property
     def bounds(self) -> np.ndarray:
@@ -48,8 +54,7 @@ class FreeLab(Lab):
 
 def free_lab(lab: Lab, halves: int | None = 1, mirrored: bool = True, **changes: Any) -> FreeLab:
     """A lab's free form of paper A's crawl: alike, or `mirrored`, after so many half cycles (None: never)."""
-    shape = layout(4 * CYCLES, shared=True, standing=False)
-    phases = int(np.flatnonzero(shape.leg == SHIFT)[1])  # of a half cycle
-    ties = tie(tuple(shape.leg.tolist()), CYCLES + 1, halves and halves * phases, mirrored)
+    phases = int(np.flatnonzero(SHAPE.leg == SHIFT)[1])  # of a half cycle
+    ties = tie(tuple(SHAPE.leg.tolist()), CYCLES + 1, halves and halves * phases, mirrored)
     numbers = {field.name: getattr(lab, field.name) for field in dataclasses.fields(lab)}
     return FreeLab(**numbers | {"move": ()} | changes, tie=ties)

@@ -4,7 +4,7 @@ One lane; `vmap` it over planners and sites. With the choices held everything is
 planner's numbers, the robot's and the map's.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -30,6 +30,7 @@ from jaxleg.walk.choices import Choices
 from jaxleg.walk.data import Walk
 from jaxleg.walk.trajectory import foot_path, trunk_path
 
+Move = TypeVar("Move", Moves, Phases)
 RANK = np.argsort(STEP_LEGS)  # of each leg in a cycle's order of swings
 
 
@@ -42,7 +43,7 @@ def build_walk(planner: Planner, robot: Robot, site: Site, stations: Stations, c
     poses = _poses(planner, robot, site.terrain, stations, choices, feet)
     moves = _moves(planner, robot, site, shape, _Course(feet, poses, choices.count))
     legs, way = tuple(shape.leg.tolist()), _way(planner, stations, poses, choices.count)
-    moves, poses, lowering = _lowered(planner, robot, shape, moves, poses)
+    moves, poses, lowering = lowered(planner, robot, shape, moves, poses)
     duration = planner.timing.durations(planner.gait, planner.swing.load_share, moves, legs, way)
     return Walk(
         gait=planner.gait,
@@ -153,9 +154,13 @@ def _flights(planner, robot, site, shape: Layout, count, before, after):
     return {"flight": flight, "swings": jnp.zeros((len(shape.leg), 4), start.dtype).at[row, leg].set(on)}
 
 
-def _lowered(planner, robot, shape: Layout, moves: Moves, poses):
-    """The trunk lowered until every leg keeps the least knee bend (A17): distances to a fixed foot peak at the ends of a
-    phase, those to a swinging one in between."""
+def lowered(
+    planner: Planner, robot: Robot, shape: Layout, moves: Move, poses: Float[Array, "pose 6"]
+) -> tuple[Move, Float[Array, "pose 6"], Float[Array, ""]]:
+    """Moves and poses with the trunk lowered until every leg keeps the least knee bend (A17), and how far at most [m].
+
+    Distances to a fixed foot peak at the ends of a phase, those to a swinging one in between.
+    """
     lowering = planner.posture.lowering
     if lowering == "none":
         return moves, poses, jnp.zeros((), poses.dtype)
@@ -180,7 +185,7 @@ def _pose_before(shape: Layout) -> np.ndarray:
     return np.where(shape.leg == SHIFT, shape.step, shape.step + 1)
 
 
-def _down(shape: Layout, moves: Moves, poses, down):
+def _down(shape: Layout, moves, poses, down):
     start = _pose_before(shape)
     lower = jnp.zeros((1, 6), poses.dtype).at[0, 2].set(-1.0)
     trunk_from = moves.trunk_from + down[start][:, None] * lower

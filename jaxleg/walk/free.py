@@ -79,6 +79,15 @@ def spread(tie: Tie, vector: Float[Array, "number"]) -> Free:
     return jax.tree.map(lambda index, sign: jnp.asarray(sign, vector.dtype) * vector[index], tie.index, tie.sign)
 
 
+def gathered(tie: Tie, free: Free) -> np.ndarray:
+    """The vector that `spread` spreads so: of what is not alike where the tie has it alike, the last."""
+    vector = np.zeros(count(tie))
+    for index, sign, values in zip(tie.index, tie.sign, free):
+        there = sign != 0.0
+        vector[index[there]] = (sign * np.asarray(values))[there]
+    return vector
+
+
 def aside(choices: Choices, free: Free) -> Choices:
     """The choices with the footholds moved aside; the walk is then built on the ground under them."""
     return choices._replace(offset=choices.offset.at[..., 1].add(free.aside))
