@@ -34,7 +34,7 @@ from jaxleg.search.referees import replay_contest
 from jaxleg.search.sites import make_sites
 from jaxleg.settings import load
 from jaxleg.viz.style import BLACK, GREEN, GREY, ORANGE, WIDTH, label, legend_below, save
-from jaxleg.walk.free import gathered, kinds, spread
+from jaxleg.walk.free import gathered, names_of, spread
 from jaxleg.walk.reference import reference
 
 FORMS = {"mirrored": (1, True), "whole": (None, False)}  # half cycles after which the form is alike, and left and right changed
@@ -122,12 +122,8 @@ def on(lab: FreeLab, other: FreeLab, vector: np.ndarray) -> np.ndarray:
 def descended(task: Task, lab: FreeLab, begin: np.ndarray, free: bool) -> np.ndarray:
     """The best of a descent from a vector on all training terrains at once; the free form's numbers move or stay zero. Feet
     go aside where every cell is a foothold: a cell's place is not the descent's to choose."""
-    held = (
-        np.array(kinds(lab.tie)) == "aside"
-        if free and not np.all(task.train.site.valid)
-        else np.full(len(lab.bounds), not free)
-    )
-    form = np.where(held[:, None], 0.0, lab.bounds)
+    stays = np.array(names_of(lab.tie)) == "aside" if not np.all(task.train.site.valid) else np.zeros(len(lab.bounds), bool)
+    form = np.where(stays[:, None] | (not free), 0.0, lab.bounds)
     span = jnp.asarray(np.concatenate([bounds(task.study, task.kind, "best"), form]), float)[None]
     optimiser, known = descent.make_optimiser(RATE, task.steps), jnp.asarray(begin)[None]
     points = descent.start(jax.random.key(task.study.seed), known, span, 1, optimiser)

@@ -14,7 +14,7 @@ from jaxleg.terrain.site import Site
 from jaxleg.walk.build import build_walk, lowered
 from jaxleg.walk.choices import Choices
 from jaxleg.walk.data import Walk
-from jaxleg.walk.free import Tie, aside, freed, kinds, spread, tie
+from jaxleg.walk.free import Tie, aside, freed, names_of, spread, tie
 
 SHAPE = layout(4 * CYCLES, shared=True, standing=False)  # of paper A's crawl
 # How far a number may move: lengths as shares of the leg's, angles in radians, the log of a time, shares of a time.
@@ -47,7 +47,7 @@ class FreeLab(Lab):
     @property
     def bounds(self) -> np.ndarray:
         """Bounds (number, 2) of the free form's numbers."""
-        names = kinds(self.tie)
+        names = names_of(self.tie)
         leg = np.where(np.isin(names, LENGTHS), float(leg_length(self.robot)), 1.0)
         return np.array([SPANS[name] for name in names]) * leg[:, None]
 

@@ -60,14 +60,14 @@ def tie(legs: tuple[int, ...], stances: int, period: int | None = None, mirrored
     return Tie(Free(**index), Free(**sign))
 
 
-def count(tie: Tie) -> int:
+def count_of(tie: Tie) -> int:
     """Numbers of the vector that a tie spreads."""
     return 1 + max(int(np.max(x)) for x in tie.index)
 
 
-def kinds(tie: Tie) -> list[str]:
+def names_of(tie: Tie) -> list[str]:
     """What each number of the vector is: "trunk 0" (x) to "trunk 5" (yaw), "time", "apex", "lift", "aside"."""
-    names = [""] * count(tie)
+    names = [""] * count_of(tie)
     for name, index, sign in zip(Free._fields, tie.index, tie.sign):
         for place in np.argwhere(sign != 0.0):
             names[index[tuple(place)]] = f"trunk {place[1]}" if name == "trunk" else name
@@ -81,7 +81,7 @@ def spread(tie: Tie, vector: Float[Array, "number"]) -> Free:
 
 def gathered(tie: Tie, free: Free) -> np.ndarray:
     """The vector that `spread` spreads so: of what is not alike where the tie has it alike, the last."""
-    vector = np.zeros(count(tie))
+    vector = np.zeros(count_of(tie))
     for index, sign, values in zip(tie.index, tie.sign, free):
         there = sign != 0.0
         vector[index[there]] = (sign * np.asarray(values))[there]

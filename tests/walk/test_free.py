@@ -16,7 +16,7 @@ from jaxleg.search.run import make_lab
 from jaxleg.terrain import Grid
 from jaxleg.terrain.site import Site
 from jaxleg.walk.choices import no_choice
-from jaxleg.walk.free import count, kinds, spread, tie
+from jaxleg.walk.free import count_of, gathered, names_of, spread, tie
 
 GRID = Grid(112, 52, 0.02, (-0.9, -0.51))
 STUDY = Study(kinds={"flat": Kind()})
@@ -87,7 +87,7 @@ def test_the_trunk_goes_on_from_where_it_has_come_to(mirrored, sites):
 
 def test_times_are_shared_out_anew_and_their_sum_stays(mirrored, sites):
     own, walk = mirrored
-    numbers, names = np.zeros(len(own.bounds)), np.array(kinds(own.tie))
+    numbers, names = np.zeros(len(own.bounds)), np.array(names_of(own.tie))
     numbers[names == "time"] = np.log([1.0, 2.0, 3.0])
     before, after = (np.asarray(walk(x, sites[1]).phases.duration) for x in (np.zeros_like(numbers), numbers))
     assert after.sum() == pytest.approx(before.sum())
@@ -97,7 +97,7 @@ def test_times_are_shared_out_anew_and_their_sum_stays(mirrored, sites):
 def test_feet_go_aside_over_the_ground(mirrored, sites):
     """Outwards by one number for the front feet and one for the hind ones, on the plane under them."""
     own, walk = mirrored
-    numbers, names = np.zeros(len(own.bounds)), np.array(kinds(own.tie))
+    numbers, names = np.zeros(len(own.bounds)), np.array(names_of(own.tie))
     numbers[names == "aside"] = 0.03, 0.05
     before, after = (np.asarray(walk(x, sites[1]).footholds) for x in (np.zeros_like(numbers), numbers))
     moved = after - before
@@ -110,15 +110,15 @@ def test_feet_go_aside_over_the_ground(mirrored, sites):
 def test_how_many_numbers_a_form_has(lab, form, numbers):
     """Six of the trunk a border, a duration a phase, apex and lift a swing; and two feet mirrored, or four."""
     ties = free_lab(lab, *form).tie
-    assert count(ties) == numbers
-    assert len(kinds(ties)) == numbers
-    assert "" not in kinds(ties)
+    assert count_of(ties) == numbers
+    assert len(names_of(ties)) == numbers
+    assert "" not in names_of(ties)
 
 
 def test_every_number_stands_somewhere_and_a_shift_flies_nowhere():
     legs = (SHIFT, 3, 1, SHIFT, 2, 0)
     ties = tie(legs, 2, 3, True)
-    vector = jnp.arange(1.0, count(ties) + 1.0)
+    vector = jnp.arange(1.0, count_of(ties) + 1.0)
     free = spread(ties, vector)
     seen = np.abs(np.concatenate([np.ravel(x) for x in free]))
     assert set(seen) == {0.0, *np.asarray(vector)}
@@ -126,3 +126,12 @@ def test_every_number_stands_somewhere_and_a_shift_flies_nowhere():
         np.testing.assert_array_equal(np.asarray(x)[[0, 3]], 0.0)
     np.testing.assert_allclose(free.trunk[3:6], np.asarray(free.trunk[:3]) * MIRROR)
     np.testing.assert_allclose(free.trunk[6], free.trunk[0])
+
+
+def test_a_mirrored_form_is_one_of_the_forms_whose_half_cycles_have_their_own():
+    legs = (SHIFT, 3, 1, SHIFT, 2, 0)
+    few, many = tie(legs, 2, 3, True), tie(legs, 2)
+    free = spread(few, jnp.asarray(np.random.default_rng(4).normal(size=count_of(few))))
+    again = spread(many, jnp.asarray(gathered(many, free)))
+    for a, b in zip(free, again, strict=True):
+        np.testing.assert_allclose(b, a)
