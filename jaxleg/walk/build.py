@@ -172,25 +172,27 @@ def lowered(
         return jnp.max(lowering_needed(robot, pose, feet, planner.limits.knee_bend)[0])
 
     by_phase = jnp.max(jax.vmap(lambda s: jax.vmap(needed, in_axes=(0, None))(moves, s))(shares), axis=0)
+    start, end = _way_points(planner, shape, poses.shape[0])
     down = jnp.zeros(poses.shape[0], poses.dtype)
-    if lowering == "walk":
-        down = down + jnp.max(by_phase)
-    else:
-        down = down.at[_pose_before(shape)].max(by_phase).at[shape.step + 1].max(by_phase)
-    return _down(shape, moves, poses, down)
-
-
-def _pose_before(shape: Layout) -> np.ndarray:
-    """Index of the pose that each phase begins in; all end in that of their step."""
-    return np.where(shape.leg == SHIFT, shape.step, shape.step + 1)
-
-
-def _down(shape: Layout, moves, poses, down):
-    start = _pose_before(shape)
+    down = down + jnp.max(by_phase) if lowering == "walk" else down.at[start].max(by_phase).at[end].max(by_phase)
     lower = jnp.zeros((1, 6), poses.dtype).at[0, 2].set(-1.0)
-    trunk_from = moves.trunk_from + down[start][:, None] * lower
-    trunk_to = moves.trunk_to + down[shape.step + 1][:, None] * lower
-    return moves._replace(trunk_from=trunk_from, trunk_to=trunk_to), poses + down[:, None] * lower, jnp.max(down)
+    trunk_from, trunk_to = moves.trunk_from + down[start][:, None] * lower, moves.trunk_to + down[end][:, None] * lower
+    poses = poses + down[_first_alike(planner, np.arange(poses.shape[0]), poses.shape[0])][:, None] * lower
+    return moves._replace(trunk_from=trunk_from, trunk_to=trunk_to), poses, jnp.max(down)
+
+
+def _way_points(planner: Planner, shape: Layout, poses: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the poses that each phase begins and ends in; of poses that are one, the first."""
+    before = np.where(shape.leg == SHIFT, shape.step, shape.step + 1)
+    return _first_alike(planner, before, poses), _first_alike(planner, shape.step + 1, poses)
+
+
+def _first_alike(planner: Planner, pose: np.ndarray, poses: int) -> np.ndarray:
+    """The first of the poses that are one with each: a side's two swings share theirs, and a walk that does not come to stand
+    ends in its last."""
+    end = poses - 1 if planner.standing else poses - 2
+    pose = np.minimum(pose, end)
+    return np.where((pose > 0) & (pose < poses - 1), (pose - 1) // 2 * 2 + 1, pose) if planner.shared else pose
 
 
 def _way(planner, stations, poses, count):

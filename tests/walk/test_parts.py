@@ -75,6 +75,8 @@ def test_way_points_lowered_by_themselves_are_no_lower_than_all_alike_and_keep_t
     assert low.lowering > 0.01
     assert np.all(free.poses[:, 2] >= low.poses[:, 2] - 1e-12)
     assert np.ptp(np.asarray(free.poses[:, 2] - low.poses[:, 2])) > 1e-3
+    for walk in (low, free):  # the trunk goes on from where it has come to, and keeps still in a side's two swings
+        np.testing.assert_allclose(walk.phases.trunk_from[1:], walk.phases.trunk_to[:-1], atol=1e-12)
     bends, solve = jax.jit(jax.vmap(knee_bend)), jax.jit(joint_angles)
     for pose, feet in zip(free.phases.trunk_from, free.phases.feet_from):
         angles, _ = solve(pegasus, pose, feet)
