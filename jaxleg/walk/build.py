@@ -4,7 +4,7 @@ One lane; `vmap` it over planners and sites. With the choices held everything is
 planner's numbers, the robot's and the map's.
 """
 
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -30,7 +30,6 @@ from jaxleg.walk.choices import Choices
 from jaxleg.walk.data import Walk
 from jaxleg.walk.trajectory import foot_path, trunk_path
 
-Move = TypeVar("Move", Moves, Phases)
 RANK = np.argsort(STEP_LEGS)  # of each leg in a cycle's order of swings
 
 
@@ -155,9 +154,9 @@ def _flights(planner, robot, site, shape: Layout, count, before, after):
 
 
 def lowered(
-    planner: Planner, robot: Robot, shape: Layout, moves: Move, poses: Float[Array, "pose 6"]
-) -> tuple[Move, Float[Array, "pose 6"], Float[Array, ""]]:
-    """Moves and poses with the trunk lowered until every leg keeps the least knee bend (A17), and how far at most [m].
+    planner: Planner, robot: Robot, shape: Layout, moves: Moves | Phases, poses: Float[Array, "pose 6"]
+) -> tuple[Any, Float[Array, "pose 6"], Float[Array, ""]]:
+    """Moves (or phases) and poses, the trunk lowered until every leg keeps the least knee bend (A17), and how far at most [m].
 
     Distances to a fixed foot peak at the ends of a phase, those to a swinging one in between.
     """
