@@ -30,9 +30,9 @@ from jaxleg.leg.energy import Power, electrical, motor_power
 from jaxleg.posture.collision import Sizes, robot_obstacles
 from jaxleg.search.config import Study
 from jaxleg.search.contestants import baseline, contestant
-from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.referees import unstack
+from jaxleg.search.training import Lanes
 from jaxleg.sim import referee
 from jaxleg.sim.engine import mjx
 from jaxleg.sim.model import STEP, build_model

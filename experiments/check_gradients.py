@@ -23,8 +23,8 @@ from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search import agreement
 from jaxleg.search.config import Study
 from jaxleg.search.contestants import bounds
-from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, Setting, per_metre
+from jaxleg.search.training import Lanes
 from jaxleg.sim.rollout import simulate
 from jaxleg.terrain.site import Site
 from jaxleg.walk.choices import Choices

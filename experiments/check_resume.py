@@ -27,7 +27,7 @@ from jaxleg.cli import configure_jax
 
 SHORT = {
     "terrains.train": 12, "terrains.held-out": 6, "search.steps": 3, "search.starts": 2, "search.lanes": 2,
-    "search.rank-lanes": 2, "search.candidates": 1, "search.polish-steps": 1, "search.polish-lanes": 4,
+    "search.polish-steps": 1, "search.polish-lanes": 4,
     "search.proxy-gaits": 8, "search.referee-terrains": 3, "simulation.chunk": 8,
 }  # fmt: skip
 OPTIONS = [word for key, value in SHORT.items() for word in (f"--{key}", str(value))]

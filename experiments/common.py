@@ -13,10 +13,10 @@ from jaxleg.files import write_json
 from jaxleg.robot import load_robot
 from jaxleg.search.config import Study, robot_path
 from jaxleg.search.contestants import contestant
-from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.run import make_lab
 from jaxleg.search.sites import make_sites
+from jaxleg.search.training import Lanes
 from jaxleg.settings import load
 
 CONFIG = Path(__file__).parent.parent / "configs" / "quickstart.toml"

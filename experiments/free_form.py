@@ -22,16 +22,18 @@ from matplotlib.figure import Figure
 
 from experiments.common import CONFIG, setup, training, write
 from jaxleg.leg.energy import CONVENTIONS
-from jaxleg.search import descent, stages
+from jaxleg.search import descent
 from jaxleg.search.config import Study
 from jaxleg.search.contest import Contest, contest, saving, summary
 from jaxleg.search.contestants import baseline, bounds, contestant, planner_of
-from jaxleg.search.descent import Lanes
 from jaxleg.search.free import FreeLab, free_lab
+from jaxleg.search.gauss_newton import Runs
 from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.leaves import read_leaves
 from jaxleg.search.referees import replay_contest
 from jaxleg.search.sites import make_sites
+from jaxleg.search.training import Lanes
+from jaxleg.search.training import spread as evenly
 from jaxleg.settings import load
 from jaxleg.viz.style import BLACK, GREEN, GREY, ORANGE, WIDTH, label, legend_below, save
 from jaxleg.walk.free import gathered, names_of, spread
@@ -40,7 +42,6 @@ from jaxleg.walk.reference import reference
 FORMS = {"mirrored": (1, True), "whole": (None, False)}  # half cycles after which the form is alike, and left and right changed
 NAMES = ("traditional", "ten", *FORMS)
 COLOUR = dict(zip(NAMES, (GREY, BLACK, GREEN, ORANGE)))
-RATE = 0.05  # of the descents
 SAMPLES = (24, 24)  # of the picture
 
 
@@ -61,7 +62,7 @@ def main(out: Path | None = None, run: Path | None = None, quick: bool = False) 
     best = None if quick else found(run or folder / "quickstart")
     forms = {"mirrored": FORMS["mirrored"]} if quick else FORMS
     labs = {name: free_lab(lab, *form, move=study.search.move, chunk=4) for name, form in forms.items()}
-    train, held, steps = (1, 1, 15) if quick else (8, 32, 600)
+    train, held, steps = (1, 1, 8) if quick else (8, 32, 60)
     rows: dict[str, Any] = {}
     for kind in ("flat",) if quick else study.kinds:
         task = make_task(study, labs["mirrored"], kind, best, train, steps)
@@ -86,7 +87,7 @@ def sizes(labs: dict[str, FreeLab]) -> dict[str, int]:
 
 def make_task(study: Study, lab: FreeLab, kind: str, best: Study | None, train: int, steps: int) -> Task:
     """Training terrains on which energy counts against `traditional`'s, whose margin must keep to it."""
-    lanes = stages.spread(training(study, lab, kind), train)
+    lanes = evenly(training(study, lab, kind), train)
     vectors = np.tile(widened(lab, baseline(study, kind, "traditional")), (lanes.number, 1))
     alone = settings_of(contestant(study, kind, "traditional"), lanes.number)
     score, _ = lab.proxy_gradients(vectors, lanes.site, alone)
@@ -124,18 +125,23 @@ def descended(task: Task, lab: FreeLab, begin: np.ndarray, free: bool) -> np.nda
     go aside where every cell is a foothold: a cell's place is not the descent's to choose."""
     stays = np.array(names_of(lab.tie)) == "aside" if not np.all(task.train.site.valid) else np.zeros(len(lab.bounds), bool)
     form = np.where(stays[:, None] | (not free), 0.0, lab.bounds)
-    span = jnp.asarray(np.concatenate([bounds(task.study, task.kind, "best"), form]), float)[None]
-    optimiser, known = descent.make_optimiser(RATE, task.steps), jnp.asarray(begin)[None]
-    points = descent.start(jax.random.key(task.study.seed), known, span, 1, optimiser)
-    least, best = np.inf, begin
-    while int(points.step) < task.steps:
-        at = np.asarray(descent.bounded(points.free, span))[0]
-        points, objective = descent.descend(lab, task.train, span, points, task.train.number, optimiser)
-        if objective[0] < least:
-            least, best = objective[0], at
-        if int(points.step) % 100 == 0:
-            print(f"{task.kind}: step {int(points.step)}, {least:.4f} of the baseline", flush=True)
-    return best
+    span = descent.ranges(np.concatenate([bounds(task.study, task.kind, "best"), form])[None])
+    plan = [(task.train.number, 1)]
+    best, value = descent.searched(lab, task.train, span, span.scaled(begin)[None], plan, task.steps, Told(task.kind))
+    print(f"{task.kind}: {value[0]:.4f} of the baseline", flush=True)
+    return best[0]
+
+
+class Told(descent.Keep):
+    """Prints every fifth step."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+
+    def report(self, number: int, terrains: int, runs: Runs) -> None:
+        """One line."""
+        if runs.steps % 5 == 0:
+            print(f"{self.kind}: step {int(runs.steps)}, {runs.value[0]:.4f} of the baseline", flush=True)
 
 
 def row(task: Task, labs: dict[str, FreeLab], vectors: dict[str, np.ndarray], held: int) -> dict[str, Any]:
@@ -143,7 +149,7 @@ def row(task: Task, labs: dict[str, FreeLab], vectors: dict[str, np.ndarray], he
     study, kind = task.study, task.kind
     site = make_sites(study, labs["mirrored"].robot, kind, held_out=True)
     alone = Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
-    lanes = stages.spread(alone, held)
+    lanes = evenly(alone, held)
     gaits = {"traditional": widened(labs["mirrored"], baseline(study, kind, "traditional"))} | vectors
     engines: dict[str, dict[str, Contest]] = {"simulation": {}, "mujoco": {}}
     for name, vector in gaits.items():

@@ -15,9 +15,8 @@ from jaxleg.robot import Robot
 from jaxleg.search import descent
 from jaxleg.search.config import Study
 from jaxleg.search.contestants import baseline, bounds
-from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, Setting
-from jaxleg.search.stages import judge, spread
+from jaxleg.search.training import Lanes, spread
 from jaxleg.sim.meters import Meters, Record
 from jaxleg.sim.rollout import record
 from jaxleg.walk.reference import reference
@@ -80,23 +79,20 @@ def mean_over_time(values: np.ndarray, time: np.ndarray, begin: float = 0.0, end
 
 def search_gait(study: Study, lab: Lab, kind: str, quick: bool) -> np.ndarray:
     """Our parameters for a kind of terrain: descents on the proxy within the study's bounds, margin at least traditional's."""
-    starts, steps, least = (2, 25, 4) if quick else (5, 90, 12)
+    search = study.search
     lanes = _judged(study, lab, training(study, lab, kind), kind)
-    span = jnp.tile(jnp.asarray(bounds(study, kind, "best"), float), (starts, 1, 1))
-    known = jnp.asarray(np.stack([baseline(study, kind, name) for name in ("traditional", "paper")]), float)
-    optimiser = descent.make_optimiser(study.search.learning_rate, steps)
-    points = descent.start(jax.random.key(study.seed), known, span, starts, optimiser)
-    while int(points.step) < steps:
-        points, _ = descent.descend(lab, lanes, span, points, study.search.lanes, optimiser)
-    ends = np.asarray(descent.bounded(points.free, span))
-    worth = judge(lambda *x: lab.proxy_gradients(*x)[0].objective, ends, spread(lanes, least))
-    return ends[worth.argmin()]
+    lanes = spread(lanes, 4) if quick else lanes
+    span = descent.ranges(bounds(study, kind, "best")[None])
+    known = np.stack([baseline(study, kind, name) for name in ("traditional", "paper")])
+    points = descent.starts_of(jax.random.key(study.seed), known, span, search.starts)
+    plan = descent.rounds(lanes.number, search.lanes, search.starts)
+    return descent.searched(lab, lanes, span, points, plan, search.steps)[0][0]
 
 
 def _judged(study: Study, lab: Lab, lanes: Lanes, kind: str) -> Lanes:
     """Lanes whose energy counts against traditional's, whose margin must keep to it."""
     vectors = np.tile(baseline(study, kind, "traditional"), (lanes.number, 1)).astype(np.float32)
-    score, _ = lab.proxy_gradients(vectors, lanes.site, lanes.setting)
+    score = lab.models(vectors, lanes.site, lanes.setting, np.zeros_like(vectors)).score
     energy = np.full(lanes.number, score.energy[:, CONVENTIONS.index("net")].mean())
     floor = score.checks.margin + study.search.margin_reserve
     margin, energy = (jnp.asarray(x, float) for x in (floor, energy))

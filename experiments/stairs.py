@@ -19,9 +19,9 @@ from experiments.table_one import NAMES, Table, checked, finish, planned, result
 from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.search.config import Study
 from jaxleg.search.contestants import contestant
-from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.sites import HELD_OUT, first_of_each, grid, make_sites
+from jaxleg.search.training import Lanes
 from jaxleg.terrain.generators import stairs, terrain_keys
 
 RUNS = 64

@@ -15,8 +15,8 @@ from jaxleg.leg.energy import CONVENTIONS, cost_of_transport
 from jaxleg.search.config import Study
 from jaxleg.search.contest import keeps_limits
 from jaxleg.search.contestants import baseline, short_name
-from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab
+from jaxleg.search.training import Lanes
 from jaxleg.sim.meters import Record
 from jaxleg.viz.power import draw_power
 from jaxleg.walk.data import PlanChecks

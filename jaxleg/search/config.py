@@ -119,16 +119,13 @@ class Cog:
 
 @dataclasses.dataclass(frozen=True)
 class Search:
-    """The descent on the proxy, the ranking and the polish in simulation."""
+    """The descents on the proxy, and the polish in simulation."""
 
     move: tuple[str, ...] = setting(tuple(BOUNDS), help="numbers of the planner by name: what `best` moves within its bounds")
-    starts: int = setting(5, min=1, max=10_000, help="random starts of each of the three searches")
-    lanes: int = setting(2, min=1, max=1_000_000, help="terrains a start sees in one step")
-    steps: int = setting(90, min=1, max=1_000_000, help="steps of the descent")
-    learning_rate: float = setting(0.15, above=0.0, max=10.0)
-    candidates: int = setting(2, min=1, max=10_000, help="best starts that are ranked in simulation")
-    rank_lanes: int = setting(16, min=1, max=1_000_000, help="terrains for the ranking")
-    polish_steps: int = setting(2, min=0, max=5, help="gradients in simulation")
+    starts: int = setting(4, min=1, max=10_000, help="starts of each of the three searches")
+    lanes: int = setting(4, min=1, max=1_000_000, help="terrains of the first round; four times as many in each later one")
+    steps: int = setting(10, min=1, max=1_000_000, help="most steps of a round")
+    polish_steps: int = setting(0, min=0, max=5, help="gradients in simulation")
     polish_lanes: int = setting(16, min=1, max=32, help="terrains a gradient in simulation sees")
     polish_rate: float = setting(0.1, above=0.0, max=10.0, help="length of a polishing step")
     margin_reserve: float = setting(0.003, min=0.0, max=0.1, unit="m", help="stability margin kept above the baseline's")

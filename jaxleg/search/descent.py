@@ -1,119 +1,133 @@
-"""Many descents at once on the proxy: optax from several starts of several searches, smooth bounds, minibatches of terrains."""
+"""Descents on the proxy from many starts: on few terrains at first, the best of them on more, the last on all.
 
-import functools
+A search moves numbers of the planner within its bounds; all searches of a study run at once and in lock step, and each may go
+on from where one with narrower bounds has come.
+"""
+
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
-from jaxtyping import Array, Float, Int
 
-from jaxleg.numerics import foreign
-from jaxleg.search.lanes import Lab, Setting
-from jaxleg.terrain.site import Site
+from jaxleg.search.gauss_newton import Descents, Judged, Runs, begin, judged, on_others
+from jaxleg.search.lanes import Lab
+from jaxleg.search.training import Lanes, spread
 
-
-class Descent(NamedTuple):
-    """State of all descents of a kind of terrain; a pytree of arrays, saved at every checkpoint."""
-
-    free: Float[Array, "run parameter"]  # unbounded coordinates
-    moments: optax.OptState
-    step: Int[Array, ""]
+GROWTH = 4  # times as many terrains in each round
 
 
-class Lanes(NamedTuple):
-    """Training lanes: sites with a leading axis, and what each is judged by."""
+class Ranges(NamedTuple):
+    """Bounds of all searches, and the scale in which a descent sees the numbers: 0 to 1 over the widest of them."""
 
-    site: Site
-    setting: Setting
+    low: np.ndarray  # (number,)
+    width: np.ndarray  # (number,)
+    box: np.ndarray  # (search, number, 2), scaled
 
-    @property
-    def number(self) -> int:
-        """Number of terrains."""
-        return self.setting.energy.shape[0]
+    def scaled(self, vectors: np.ndarray) -> np.ndarray:
+        """Vectors in widths."""
+        return (vectors - self.low) / self.width
 
-    def take(self, index: np.ndarray) -> "Lanes":
-        """The lanes of these numbers."""
-        return jax.tree.map(lambda x: np.asarray(x)[index], self)
-
-
-@jax.jit
-def bounded(free: Float[Array, "*n parameter"], bounds: Float[Array, "*n parameter 2"]) -> Float[Array, "*n parameter"]:
-    """Parameters strictly inside their bounds from unbounded coordinates: a logistic on each."""
-    low, high = bounds[..., 0], bounds[..., 1]
-    return low + (high - low) * jax.nn.sigmoid(free)
+    def vectors(self, scaled: np.ndarray) -> np.ndarray:
+        """Vectors from their widths, in JAX's precision."""
+        return np.asarray(jnp.asarray(self.low + self.width * scaled, float))
 
 
-@functools.partial(jax.jit, static_argnames="least")
-def unbounded(
-    vector: Float[Array, "*n parameter"], bounds: Float[Array, "*n parameter 2"], least: float = 0.05
-) -> Float[Array, "*n parameter"]:
-    """Inverse of `bounded`; a parameter nearer than `least` (a share of the range) to a bound is moved off it."""
-    low, high = bounds[..., 0], bounds[..., 1]
-    width = jnp.where(high > low, high - low, 1.0)
-    share = jnp.clip((vector - low) / width, least, 1.0 - least)
-    return jnp.where(high > low, jnp.log(share) - jnp.log1p(-share), 0.0)
+def ranges(bounds: np.ndarray) -> Ranges:
+    """The ranges of searches with these bounds (search, number, 2)."""
+    low, high = bounds[..., 0].min(axis=0), bounds[..., 1].max(axis=0)
+    width = np.where(high > low, high - low, 1.0)
+    return Ranges(low, width, (bounds - low[:, None]) / width[:, None])
 
 
-@jax.jit
-def free_gradient(free: Float[Array, "*n parameter"], bounds, gradient) -> Float[Array, "*n parameter"]:
-    """Gradient in the unbounded coordinates from that in the parameters."""
-    share = jax.nn.sigmoid(free)
-    return gradient * (bounds[..., 1] - bounds[..., 0]) * share * (1.0 - share)
+def rounds(terrains: int, first: int, starts: int) -> list[tuple[int, int]]:
+    """Terrains and starts of each round, two at least: more of the ones, fewer of the others; the last sees all terrains."""
+    sizes = [min(first, terrains)]
+    while len(sizes) < 2 or sizes[-1] < terrains:
+        sizes.append(min(GROWTH * sizes[-1], terrains))
+    return [(size, max(1, starts >> number)) for number, size in enumerate(sizes)]
 
 
-@functools.cache  # equal ones are one, so that what they are static arguments of compiles once
-def make_optimiser(rate: float, steps: int) -> optax.GradientTransformation:
-    """Adam whose rate falls to a tenth along a cosine: the last steps settle between the penalties' walls."""
-    return optax.adam(optax.cosine_decay_schedule(rate, steps, alpha=0.1))
+def starts_of(key: jax.Array, known: np.ndarray, span: Ranges, starts: int) -> np.ndarray:
+    """Where all runs begin (search by search): at what is known, as far as bounds and `starts` allow, then at random."""
+    searches, numbers = span.box.shape[:2]
+    drawn = np.array(jax.random.uniform(key, (searches, starts, numbers)), float)
+    low, high = span.box[:, None, :, 0], span.box[:, None, :, 1]
+    points = low + (high - low) * drawn
+    count = min(starts, len(known))
+    points[:, :count] = np.clip(span.scaled(known[:count]), low, high)
+    return points.reshape(searches * starts, numbers)
 
 
-@functools.partial(jax.jit, static_argnums=(3, 4))
-def start(
-    key: Array,
-    known: Float[Array, "known parameter"],
-    bounds: Float[Array, "run parameter 2"],
-    starts: int,
-    optimiser: optax.GradientTransformation,
-) -> Descent:
-    """First state: each search begins at the known parameter sets (as far as its bounds and `starts` allow), then at random."""
-    runs = bounds.shape[0]
-    free = jax.random.normal(key, (runs, bounds.shape[1]), bounds.dtype) * 1.2
-    for i in range(min(starts, known.shape[0])):
-        span = bounds[i::starts]
-        free = free.at[i::starts].set(unbounded(jnp.broadcast_to(known[i], span.shape[:-1]), span))
-    with foreign():
-        return Descent(free, optimiser.init(free), jnp.zeros((), jnp.int32))
+def promoted(runs: Runs, searches: int, kept: int) -> Runs:
+    """The best `kept` runs of each search go on."""
+    return on_others(runs, promoted_index(runs, searches, kept))
 
 
-def descend(
-    lab: Lab,
-    lanes: Lanes,
-    bounds: Float[Array, "run parameter 2"],
-    state: Descent,
-    per_step: int,
-    optimiser: optax.GradientTransformation,
-) -> tuple[Descent, np.ndarray]:
-    """One optimiser step of all runs on the next `per_step` terrains, or all where there are fewer; returns the state and each
-    run's mean objective.
+def promoted_index(runs: Runs, searches: int, kept: int) -> np.ndarray:
+    """Numbers of the best `kept` runs of each search and of those before it, whose bounds are narrower."""
+    each = len(runs.at) // searches
+    best = [np.argsort(runs.value[: (search + 1) * each], kind="stable")[:kept] for search in range(searches)]
+    return np.concatenate(best)
 
-    A lane whose gradient is not finite takes no part in the step; it is counted by the final ranking over all terrains.
+
+class Keep:
+    """Where a search keeps what it has, and tells of it; here nowhere."""
+
+    def load(self, number: int, like: Runs) -> Runs | None:
+        """Where round `number` stands, if it was begun before."""
+
+    def save(self, number: int, runs: Runs) -> None:
+        """Keep where a round stands."""
+
+    def report(self, number: int, terrains: int, runs: Runs) -> None:
+        """Tell of a round's step."""
+
+
+NOWHERE = Keep()
+
+
+def searched(
+    lab: Lab, lanes: Lanes, span: Ranges, points: np.ndarray, plan: list[tuple[int, int]], steps: int, keep: Keep = NOWHERE
+) -> tuple[np.ndarray, np.ndarray]:
+    """The best vector (search, number) of each search and its objective (search,), from points (run, number) in widths.
+
+    `plan` is that of `rounds`, `steps` the most of a round.
     """
-    runs, per_step = state.free.shape[0], min(per_step, lanes.number)
-    index = (int(state.step) * per_step + np.arange(per_step)) % lanes.number
-    some = lanes.take(np.tile(index, runs))
-    vectors = np.repeat(np.asarray(bounded(state.free, bounds)), per_step, axis=0)
-    score, gradient = lab.proxy_gradients(vectors, some.site, some.setting)
-    usable = np.isfinite(gradient).all(axis=1) & np.isfinite(score.objective)
-    gradient = np.where(usable[:, None], gradient, 0.0).reshape(runs, per_step, -1).mean(axis=1)
-    objective = np.where(usable, score.objective, np.inf).reshape(runs, per_step).mean(axis=1)
-    return _advance(optimiser, state, bounds, gradient), objective
+    searches, runs = len(span.box), begin(points)
+    for number, (terrains, starts) in enumerate(plan):
+        if number:
+            runs = promoted(runs, searches, starts)
+        until = int(runs.steps) + steps
+        runs = descend(lab, spread(lanes, terrains), span, keep.load(number, runs) or runs, until, (number, keep))
+    best = promoted_index(runs, searches, 1)
+    return span.vectors(runs.at[best]), runs.value[best]
 
 
-@functools.partial(jax.jit, static_argnums=0)
-def _advance(optimiser, state, bounds, gradient):
-    gradient = free_gradient(state.free, bounds, gradient)
-    with foreign():
-        update, moments = optimiser.update(gradient, state.moments)
-        return Descent(optax.apply_updates(state.free, update), moments, state.step + 1)
+def descend(lab: Lab, lanes: Lanes, span: Ranges, runs: Runs, until: int, kept: tuple[int, Keep]) -> Runs:
+    """All runs (search by search) on these lanes until none gains any more, or so many steps are done."""
+    number, keep = kept
+    descents = Descents(runs, np.repeat(span.box, len(runs.at) // len(span.box), axis=0))
+    while not descents.runs.ended:
+        asked, known = descents.ask(), int(descents.runs.steps)
+        descents.tell(judge(lab, lanes, span, asked, descents.reach))
+        descents.runs.ended[...] = not asked or descents.runs.steps >= until
+        stepped = descents.runs.steps > known  # at first each run is judged where it stands
+        if stepped:
+            keep.report(number, lanes.number, descents.runs)
+        if stepped or descents.runs.ended:
+            keep.save(number, descents.runs)
+    return descents.runs
+
+
+def judge(lab: Lab, lanes: Lanes, span: Ranges, asked: dict[int, np.ndarray], reach: np.ndarray) -> dict[int, Judged]:
+    """Each run's point (number,) on all lanes; its model holds within its reach (run,)."""
+    if not asked:
+        return {}
+    points, numbers = np.stack(list(asked.values())), np.array(list(asked))
+    many = lanes.take(np.tile(np.arange(lanes.number), len(points)))
+    vectors = np.repeat(span.vectors(points), lanes.number, axis=0)
+    within = np.repeat(reach[numbers][:, None] * span.width, lanes.number, axis=0).astype(vectors.dtype)
+    models = lab.models(vectors, many.site, many.setting, within)
+    parts = [jax.tree.map(lambda x: x[i * lanes.number : (i + 1) * lanes.number], models) for i in range(len(points))]  # noqa: B023
+    return {run: judged(model, span.width) for run, model in zip(asked, parts)}

@@ -23,6 +23,8 @@ from jaxleg.robot import Robot
 from jaxleg.route.stations import Stations
 from jaxleg.search.config import EngineName
 from jaxleg.search.leaves import read_leaves, with_leaves
+from jaxleg.search.model import Model, linearised
+from jaxleg.search.penalty import fine
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
 from jaxleg.sim.legged import legged_engine
@@ -33,8 +35,8 @@ from jaxleg.walk.build import build_walk
 from jaxleg.walk.choices import Choices
 from jaxleg.walk.choose import choose
 from jaxleg.walk.data import PlanChecks, Reference, Walk
+from jaxleg.walk.proxy import Needs, evaluate, needs_at
 from jaxleg.walk.proxy import checks as plan_checks
-from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import instants, to_reference
 
 CYCLES = 2  # of a walk, both metered: it starts in its own periodic posture, so that there is nothing to warm up
@@ -82,12 +84,16 @@ def settings_of(planner: Planner, *count: int) -> Setting:
 
 
 def penalty(slack: Float[Array, "constraint"]) -> Float[Array, ""]:
-    """Penalty of violated constraints: quadratic at first, one unit of `SCALES` costs about the baseline's energy.
+    """Penalty of violated constraints; one unit of `SCALES` costs about the baseline's energy."""
+    return jnp.sum(fine(jax.nn.relu(-slack) / jnp.asarray(SCALES, slack.dtype)))
 
-    Far from feasible it grows only linearly, so that one bad constraint does not drown all the others' gradients.
-    """
-    violation = jax.nn.relu(-slack) / jnp.asarray(SCALES, slack.dtype)
-    return 2.0 * jnp.sum(jnp.sqrt(1.0 + violation**2) - 1.0)
+
+class Parts(NamedTuple):
+    """A lane's judgement by the proxy in parts: `linearised` gives what they become near a vector."""
+
+    score: Score
+    cost: Float[Array, ""]  # without penalties
+    rows: tuple[Float[Array, "instant"], ...]  # distance to each constraint in `SCALES`, its slack is the least
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,25 +131,39 @@ class Lab:
 
     def proxy(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> Score:
         """Judge one lane by the energy proxy of its walk."""
-        seen = evaluate(self.robot, self.walk(vector, site, choice, setting))
+        return self.parts(vector, site, choice, setting).score
+
+    def parts(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> Parts:
+        """`proxy`, and what it is made of: the cost without penalties, every instant's distance to each constraint."""
+        planner, seen = self.planner(vector, setting), evaluate(self.robot, self.walk(vector, site, choice, setting))
         energy = per_metre(seen.energy, seen.distance)
-        slack = self.slack(self.planner(vector, setting), seen.checks, setting)
         lowered = 0.1 * seen.checks.lowering**2  # among equals, the height that needs no lowering
-        objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(slack) + lowered
-        return Score(objective, energy, slack, seen.checks)
+        cost = energy[CONVENTIONS.index(self.convention)] / setting.energy + lowered
+        slack = self.slack(planner, seen.checks, setting)
+        rows = self.distances(planner, seen.needs, seen.checks.lowering, setting)
+        rows = tuple(row.reshape(-1) / unit for row, unit in zip(rows, SCALES.tolist()))
+        return Parts(Score(cost + penalty(slack), energy, slack, seen.checks), cost, rows)
 
     def slack(self, planner: Planner, checks: PlanChecks, setting: Setting) -> Float[Array, "constraint"]:
         """Distance to each of `CONSTRAINTS`: radians, metres, share of the torque limit."""
+        least = Needs(checks.knee_bend, checks.margin, -checks.torque_ratio, checks.load, checks.joint_room)
+        return jnp.stack(self.distances(planner, least, checks.lowering, setting))
+
+    def distances(
+        self, planner: Planner, needs: Needs, lowering: Float[Array, ""], setting: Setting
+    ) -> tuple[Float[Array, "*n"], ...]:
+        """What is left of each need, or of all of them at many instants, to each of `CONSTRAINTS`."""
         height, step, search = read_leaves(planner, ("gait.hip_height", "gait.step_length", "foothold.rectangle.length"))
-        gait = gait_constraints(self.robot, height - checks.lowering, step, search)
-        of_plan = (checks.knee_bend - setting.least_bend, checks.margin - setting.margin, 1.0 - checks.torque_ratio)
-        return jnp.stack([*of_plan, checks.load - LEAST_LOAD, checks.joint_room, *gait])
+        gait = gait_constraints(self.robot, height - lowering, step, search)
+        of_plan = (needs.knee_bend - setting.least_bend, needs.margin - setting.margin, 1.0 + needs.torque)
+        return (*of_plan, needs.load - LEAST_LOAD, needs.joint_room, *gait)
 
     def plan(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> LanePlan:
         """The plan of one lane, sampled for the simulation. Differentiable in `vector`, the footholds held."""
         walk = self.walk(vector, site, choice, setting)
         time, at = instants(self.robot, walk, self.samples)
-        checks = plan_checks(self.robot, walk, at, jnp.ones(time.shape, bool))
+        used = jnp.ones(time.shape, bool)
+        checks = plan_checks(self.robot, walk, at, needs_at(self.robot, at, used), used)
         return LanePlan(to_reference(time, at), self.slack(self.planner(vector, setting), checks, setting), checks)
 
     def followed(self, plan: LanePlan, site: Site, setting: Setting) -> tuple[Score, Meters]:
@@ -176,6 +196,18 @@ class Lab:
             return score, gradient
 
         return over_lanes(lane, self.chunk)
+
+    @functools.cached_property
+    def models(self) -> Callable[..., Model]:
+        """Batched `parts` with the cascade's choice, and how they change near each vector, that choice held. Called with
+        (vectors, sites, settings, how far each number may move)."""
+
+        def lane(vector, site, setting, reach):
+            """The model of one lane."""
+            choice = self.choose(vector, site, setting)
+            return linearised(lambda x: self.parts(x, site, choice, setting), vector, reach)
+
+        return over_lanes(lane, max(1, self.chunk // 2))
 
     @functools.cached_property
     def _plans(self) -> Callable[[tuple, tuple], LanePlan]:

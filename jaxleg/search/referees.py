@@ -6,8 +6,8 @@ import numpy as np
 
 from jaxleg.leg.energy import CONVENTIONS, Power, electrical
 from jaxleg.search.contest import Contest, keeps_limits
-from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Lab
+from jaxleg.search.training import Lanes
 from jaxleg.sim.referee import replay
 
 

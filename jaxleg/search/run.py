@@ -14,7 +14,8 @@ from jaxleg.search.lanes import Lab
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.sim.contact import Ground
 
-STEP_UNITS = 0.2  # units of work of a step of the descent
+STEP_UNITS = 1.0  # units of work of a step of the descent
+POLISH_UNITS = 30.0
 Report = Callable[[float, str], None]  # where progress goes: units of work done, and a line on what is going on
 
 
@@ -35,8 +36,9 @@ def make_lab(study: Study, robot: Robot) -> Lab:
 
 def work(study: Study) -> float:
     """Units of work of a whole study, about a second each: what `Report` counts up to."""
-    groups = 1 if study.one_for_all else len(study.kinds)
-    return STEP_UNITS * study.search.steps * groups + 20.0 * groups + 18.0 * len(study.kinds) + 10.0
+    groups, kinds = 1 if study.one_for_all else len(study.kinds), len(study.kinds)
+    of_group = STEP_UNITS * study.search.steps + POLISH_UNITS * (study.search.polish_steps > 0)
+    return of_group * groups + 18.0 * kinds + 10.0
 
 
 @dataclasses.dataclass

@@ -37,7 +37,7 @@ from jaxleg.settings import dotted, dump, load, to_table, write_whole, written
 Tree = TypeVar("Tree")
 ROOM = 2**20  # that a checkpoint must find on the disk besides its arrays [bytes]
 HISTORY_KEY = ("kind", "stage", "step")
-HISTORY = (*HISTORY_KEY, "best", "mean", "seconds")  # columns
+HISTORY = (*HISTORY_KEY, "terrains", "best", "mean", "seconds")  # columns
 
 
 class RunFolder:

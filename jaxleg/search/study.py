@@ -17,7 +17,8 @@ from jaxleg.search.contestants import BASELINES, CONTESTANTS, STAGES, bounds, co
 from jaxleg.search.lanes import CYCLES
 from jaxleg.search.run import Report, Run
 from jaxleg.search.run_folder import RunFolder
-from jaxleg.search.stages import polish, rank, search_group, training_lanes
+from jaxleg.search.stages import polish, search_group
+from jaxleg.search.training import training_lanes
 from jaxleg.search.verify import check_proxy, held_out, referee
 
 
@@ -33,8 +34,7 @@ def run(study: Study, robot: Robot, folder: RunFolder, report: Report) -> tuple[
     for group in groups:
         training = {kind: training_lanes(state, kind) for kind in group}
         state.trained |= {kind: lanes.number for kind, lanes in training.items()}
-        best = rank(state, group, training, search_group(state, group, training))
-        best = polish(state, group, training, best)
+        best = polish(state, group, training, search_group(state, group, training))
         chosen |= dict.fromkeys(group, best)
     for kind in state.kinds:
         held[kind] = held_out(state, kind, chosen[kind])

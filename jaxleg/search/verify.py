@@ -10,11 +10,11 @@ import numpy as np
 from jaxleg.search import agreement, referees
 from jaxleg.search.contest import Contest, contest
 from jaxleg.search.contestants import CONTESTANTS, STAGES, bounds, contestant, contestants
-from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import CONSTRAINTS, settings_of
 from jaxleg.search.leaves import read_leaves
 from jaxleg.search.run import Run
 from jaxleg.search.sites import make_sites, share
+from jaxleg.search.training import Lanes
 
 
 def held_out_lanes(state: Run, kind: str, best: np.ndarray) -> tuple[np.ndarray, Lanes]:
@@ -63,31 +63,29 @@ def check_proxy(state: Run) -> dict[str, Any]:
     counts = [share(study.search.proxy_gaits, len(kinds), i) for i in range(len(kinds))]
 
     def compute() -> agreement.Agreement:
-        """Both engines' energies and gradients at random feasible gaits of all kinds."""
+        """Both energies at random feasible gaits of all kinds."""
         parts = []
         for kind, count in zip(kinds, counts):
             site = make_sites(study, state.robot, kind, held_out=False)
             lanes = Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
             span = bounds(study, kind, STAGES[-1])
             key = jax.random.fold_in(jax.random.key(study.seed), 200 + state.kinds.index(kind))
-            parts.append((*agreement.random_gaits(state.lab, key, lanes, span, count), span))
+            parts.append(agreement.random_gaits(state.lab, key, lanes, span, count))
         vectors = np.concatenate([part[0] for part in parts])
         lanes = jax.tree.map(lambda *x: jnp.concatenate(x), *(part[1] for part in parts))
-        return agreement.compare(state.lab, vectors, lanes, parts[0][2])
+        return agreement.compare(state.lab, vectors, lanes)
 
-    like = empty_agreement(study.search.proxy_gaits, len(study.search.move))
+    like = empty_agreement(study.search.proxy_gaits)
     result = agreement.agreement(state.remember("proxy", like, compute))
     state.clock("proxy", began)
     state.tell(10.0, "proxy compared with simulation")
     return result
 
 
-def empty_agreement(count: int, moved: int) -> agreement.Agreement:
+def empty_agreement(count: int) -> agreement.Agreement:
     """An agreement of the right shapes and types, to load a saved one into."""
-    number = np.zeros(count, np.asarray(jnp.zeros((), float)).dtype)
-    gradient = np.zeros((count, moved), number.dtype)
-    flag = np.zeros(count, bool)
-    return agreement.Agreement(number, number, gradient, gradient, flag, flag)
+    number, flag = np.zeros(count, np.asarray(jnp.zeros((), float)).dtype), np.zeros(count, bool)
+    return agreement.Agreement(number, number, flag, flag)
 
 
 def referee(state: Run, kind: str, best: np.ndarray) -> Contest:

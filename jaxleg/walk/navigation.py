@@ -32,7 +32,7 @@ from jaxleg.walk.config import Navigation
 from jaxleg.walk.data import Reference, Walk
 from jaxleg.walk.feasible import count_causes
 from jaxleg.walk.presets import paper_c
-from jaxleg.walk.proxy import checks
+from jaxleg.walk.proxy import checks, needs_at
 from jaxleg.walk.reference import instants, last_sample, phase_samples, to_reference
 from jaxleg.walk.site import site_of
 
@@ -161,7 +161,8 @@ class Navigator:
         """A walk's reference; where there is no walk to the goal only its first shift takes part."""
         made = walked.walk
         time, at = instants(self.robot, made, self.samples)
-        seen = checks(self.robot, made, at, made.used[phase_samples(self.samples, made.legs)[0]])
+        used = made.used[phase_samples(self.samples, made.legs)[0]]
+        seen = checks(self.robot, made, at, needs_at(self.robot, at, used), used)
         last = jnp.where(walked.status == Status.OK, last_sample(made, self.samples), self.samples[0])
         return Planned(to_reference(time, at), last.astype(jnp.int32), seen.knee_bend, seen.torque_ratio)
 

@@ -33,12 +33,23 @@ SWING_PIECES = (  # load off, foot up, foot down, load on
 )
 
 
+class Needs(NamedTuple):
+    """What constrains a plan at each of many instants, infinite where it is not used; `PlanChecks` tells the least of each."""
+
+    knee_bend: Float[Array, "t leg"]  # [rad]
+    margin: Float[Array, "t 1"]  # of stability [m]
+    torque: Float[Array, "t leg joint"]  # -|torque| over its limit
+    load: Float[Array, "t leg"]  # vertical force of a standing foot over a quarter of the weight
+    joint_room: Float[Array, "t leg"]  # distance of a leg's joints to the ends of their ranges [rad]
+
+
 class Proxy(NamedTuple):
     """What a walk costs and how near it comes to its constraints."""
 
     energy: Power  # by joint (leg, joint) [J]
     distance: Float[Array, ""]  # [m]
     time: Float[Array, ""]  # [s]
+    needs: Needs
     checks: PlanChecks
 
 
@@ -51,7 +62,8 @@ def evaluate(robot: Robot, walk: Walk) -> Proxy:
     seconds = jnp.where(used, weight * walk.phases.duration[phase], 0.0)
     energy = Power(*(jnp.sum(seconds[:, None, None] * p, axis=0) for p in power))
     time = jnp.sum(jnp.where(walk.used, walk.phases.duration, 0.0))
-    return Proxy(energy, walk.way, time, checks(robot, walk, at, used))
+    needs = needs_at(robot, at, used)
+    return Proxy(energy, walk.way, time, needs, checks(robot, walk, at, needs, used))
 
 
 def over_phases(function: Callable[..., Instant], walk: Walk, phase: np.ndarray, share: Float[Array, "n"]) -> Instant:
@@ -63,18 +75,20 @@ def over_phases(function: Callable[..., Instant], walk: Walk, phase: np.ndarray,
     return jax.lax.map(jax.checkpoint(lambda x: function(*x)), (phases, share), batch_size=BATCH)
 
 
-def checks(robot: Robot, walk: Walk, at: Instant, used: Bool[Array, "t"]) -> PlanChecks:
-    """Least knee bend, stability margin and so on over sampled instants (leading axis of `at`), those that are `used`."""
+def needs_at(robot: Robot, at: Instant, used: Bool[Array, "t"]) -> Needs:
+    """Knee bend, stability margin and so on at sampled instants (leading axis of `at`), those that are `used`."""
     feet, loaded = at.feet[..., :2], at.weight > 0.01
-    margin = _least(jax.vmap(stability_margin)(at.com[:, :2], feet, loaded), used)
-    ratio = -_least(-jnp.abs(at.torque) / robot.torque_limit[None], used)
-    load = _least(jnp.where(loaded, at.load, jnp.inf), used) / (0.25 * robot.mass * GRAVITY)
-    status = _status(robot, walk, jnp.any(used[:, None] & (at.reach != Reach.OK)), margin + ratio + load)
-    return PlanChecks(_least(at.bend, used), margin, ratio, load, _least(at.room, used), walk.lowering, status)
+    margin = jax.vmap(stability_margin)(at.com[:, :2], feet, loaded)[:, None]
+    load = jnp.where(loaded, at.load, jnp.inf) / (0.25 * robot.mass * GRAVITY)
+    needs = Needs(at.bend, margin, -jnp.abs(at.torque) / robot.torque_limit[None], load, at.room)
+    return jax.tree.map(lambda x: jnp.where(used.reshape(-1, *[1] * (x.ndim - 1)), x, jnp.inf), needs)
 
 
-def _least(values, used):
-    return jnp.min(jnp.where(used.reshape(-1, *[1] * (values.ndim - 1)), values, jnp.inf))
+def checks(robot: Robot, walk: Walk, at: Instant, needs: Needs, used: Bool[Array, "t"]) -> PlanChecks:
+    """The least of all `needs`, and the status of a walk with these instants."""
+    bend, margin, torque, load, room = (jnp.min(x) for x in needs)
+    status = _status(robot, walk, jnp.any(used[:, None] & (at.reach != Reach.OK)), margin - torque + load)
+    return PlanChecks(bend, margin, -torque, load, room, walk.lowering, status)
 
 
 def _status(robot, walk, beyond, numbers):

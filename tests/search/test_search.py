@@ -15,7 +15,7 @@ from jaxleg.cli.search import run_study
 from jaxleg.conventions import GRAVITY
 from jaxleg.robot import RobotFile, build_robot
 from jaxleg.search import run as runs
-from jaxleg.search import stages, verify
+from jaxleg.search import training, verify
 from jaxleg.search.config import Study, robot_path
 from jaxleg.search.contestants import CONTESTANTS, STAGES, bounds
 from jaxleg.search.run_folder import RunFolder
@@ -25,9 +25,7 @@ from jaxleg.settings import dump, load
 from jaxleg.viz import study as pictures
 
 CONFIG = Path(__file__).parents[2] / "configs/quickstart.toml"
-SHORT = dict(
-    starts=2, lanes=2, steps=3, candidates=1, rank_lanes=2, polish_steps=1, polish_lanes=4, proxy_gaits=8, referee_terrains=3
-)
+SHORT = dict(starts=2, lanes=2, steps=2, polish_steps=1, polish_lanes=4, proxy_gaits=8, referee_terrains=3)
 SHORT |= dict(resamples=100)
 
 
@@ -70,17 +68,17 @@ def robot(single):
 def gradients(request, single, robot):
     """Where the polish takes its gradients from: the simulation's take a minute to compile. All runs share lab and terrains."""
     lab = runs.make_lab(STUDY, robot)
-    for name in ("proxy_gradients", "_plans", "simulate_gradients"):
+    for name in ("models", "_plans", "simulate_gradients"):
         vars(lab)[name] = unoptimised(getattr(lab, name))
 
     def by_proxy(*lanes):
-        return *lab.simulate_lanes(*lanes), lab.proxy_gradients(*lanes)[1]
+        return *lab.simulate_lanes(*lanes), lab.models(*lanes, np.zeros_like(lanes[0])).slope
 
     if request.param == "proxy":
         vars(lab)["simulate_gradients"] = by_proxy
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(runs, "make_lab", lambda *_: lab)
-        for module in (stages, verify):
+        for module in (training, verify):
             patch.setattr(module, "make_sites", sites_once({}))
         yield request.param
 
@@ -147,7 +145,7 @@ def answer(whole, robot, gradients):
 def test_a_run_killed_after_every_single_save_reaches_the_same_answer(answer, tmp_path, robot):
     """Bit by bit; no stage is worked out twice."""
     result, chosen, stages = answer
-    assert len(set(stages)) == 3 * 6 + 1  # baseline, descent, ranked, polished, held-out, referee by kind; proxy
+    assert len(set(stages)) == 3 * 6 + 1  # baseline, two rounds of descent, polished, held-out, referee by kind; proxy
     for saves in range(len(stages)):
         with pytest.raises(Killed):
             search(tmp_path / "run", robot, resume=saves > 0, saves=1)
@@ -158,24 +156,26 @@ def test_a_run_killed_after_every_single_save_reaches_the_same_answer(answer, tm
         np.testing.assert_array_equal(best[kind], chosen[kind], strict=True)
 
 
+SAVES = {"flat": 0.4, "rough": 0.4, "stairs": 0.15}  # at least, against traditional
 BASELINES = {"flat": (1023, 789, 739), "rough": (1049, 805, 756), "stairs": (1182, 1007, 1008)}  # J/m on these terrains
 
 
 @pytest.mark.parametrize("kind", BASELINES)
 def test_contestants_rank_as_they_must(answer, kind):
-    """In three steps the search that moves everything beats those that move less and the traditional gait, in both engines;
-    implied and the paper's own need less only by giving up half of the stability margin."""
+    """In two rounds of two steps the search that moves everything beats those that move less, the traditional gait and the
+    paper's own, in both engines; implied and the paper's own need less than traditional only by giving up half of the stability
+    margin."""
     result, _, _ = answer
     energy = {name: result[name][kind]["energy_per_metre"]["positive"]["mean"] for name in CONTESTANTS}
     np.testing.assert_allclose([energy[name] for name in ("traditional", "implied", "paper")], BASELINES[kind], rtol=2e-3)
     assert energy["best"] < min(energy["best_i"], energy["best_ii"])
     assert max(energy["best_i"], energy["best_ii"]) < energy["traditional"]
     for engine in ("simulation", "mujoco"):
-        assert 0.05 < result["saving"][engine]["best"][kind]["positive"]["mean"] < 0.2
-    assert result["saving_vs_paper"]["simulation"]["best"][kind]["positive"]["mean"] < 0.0
+        assert SAVES[kind] < result["saving"][engine]["best"][kind]["positive"]["mean"] < SAVES[kind] + 0.15
+        assert result["saving_vs_paper"][engine]["best"][kind]["positive"]["mean"] > 0.05
     margin = {name: result[name][kind]["min_stability_margin"] for name in CONTESTANTS}
     assert max(margin["implied"], margin["paper"]) < 0.6 * margin["traditional"]
-    assert min(margin["best_i"], margin["best_ii"], margin["best"]) > margin["traditional"]
+    assert min(margin["best_i"], margin["best_ii"], margin["best"]) > margin["traditional"] - 1e-4  # so short a search
 
 
 @pytest.mark.parametrize("name", CONTESTANTS)
@@ -208,17 +208,18 @@ def test_every_descent_goes_down(answer, whole):
         rows = list(csv.DictReader(file))
     for kind in STUDY.kinds:
         for stage in STAGES:
-            means = [float(row["mean"]) for row in rows if (row["kind"], row["stage"]) == (kind, stage)]
-            assert means == sorted(means, reverse=True)
-            assert len(means) == 3
-            assert all(float(row["best"]) < float(row["mean"]) for row in rows)
+            own = [row for row in rows if (row["kind"], row["stage"]) == (kind, stage)]
+            for terrains in {row["terrains"] for row in own}:
+                means = [float(row["mean"]) for row in own if row["terrains"] == terrains]
+                assert means == sorted(means, reverse=True)
+            assert [int(row["step"]) for row in own] == sorted({int(row["step"]) for row in own})
+            assert all(float(row["best"]) <= float(row["mean"]) for row in own)
 
 
-def test_the_proxy_is_honest(answer, gradients):
+def test_the_proxy_is_honest(answer):
     proxy = answer[0]["proxy"]
     assert proxy["gaits"] == 8
     assert proxy["spearman"] > 0.8
-    assert gradients == "proxy" or 0.95 < proxy["gradient_cosine_p10"] < 1.0
     assert abs(proxy["bias"]) < 0.04
 
 

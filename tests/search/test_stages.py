@@ -1,8 +1,7 @@
-"""Ranking and polish on objectives known in closed form, and which lanes they see."""
+"""The polish on an objective known in closed form, and which lanes it sees."""
 
 from types import SimpleNamespace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -10,9 +9,9 @@ from numpy.testing import assert_allclose
 from jaxleg.search import stages
 from jaxleg.search.config import BOUNDS, Kind, Search, Study
 from jaxleg.search.contestants import bounds
-from jaxleg.search.descent import Lanes
 from jaxleg.search.lanes import Setting
-from jaxleg.search.stages import judge, polish, pooled, rank, spread
+from jaxleg.search.stages import judge, polish
+from jaxleg.search.training import Lanes, pooled, spread
 from tests.stand_ins import StandInLab, StandInRun
 
 BEST = np.array([0.55, -0.05, 0.12, 0.28, 0.6, 0.38, 0.05, 0.4, 0.5, 0.1])  # of the simulation below
@@ -24,11 +23,8 @@ def lanes(*numbers):
     return Lanes(np.array(numbers, float), Setting(*(np.ones(count) for _ in range(3))))
 
 
-class TwoMinds(StandInLab):
-    """Proxy and simulation that disagree: the proxy likes tall gaits, the simulation `BEST`; terrain 9 is a fall."""
-
-    def proxy_gradients(self, vectors, site, setting):
-        return SimpleNamespace(objective=1.0 - np.asarray(vectors)[:, 0] + np.asarray(site)), None
+class Bowl(StandInLab):
+    """A simulation that likes `BEST`; terrain 9 is a fall."""
 
     def simulate_lanes(self, vectors, site, setting):
         apart = (np.asarray(vectors) - BEST) / WIDTH
@@ -41,7 +37,7 @@ class TwoMinds(StandInLab):
 
 
 def state(**search):
-    return StandInRun(Study(kinds={"flat": Kind()}, search=Search(**search)), TwoMinds())
+    return StandInRun(Study(kinds={"flat": Kind()}, search=Search(**search)), Bowl())
 
 
 def test_the_mean_over_lanes_counts_what_fails_ten_times_the_baseline():
@@ -52,9 +48,9 @@ def test_the_mean_over_lanes_counts_what_fails_ten_times_the_baseline():
 
 
 def test_a_fall_is_never_the_best():
-    values = stages.simulated_objective(TwoMinds(), np.array([BEST, BEST]), np.array([0.0, 9.0]), None)
+    values = stages.simulated_objective(Bowl(), np.array([BEST, BEST]), np.array([0.0, 9.0]), None)
     assert_allclose(values, [0.0, np.inf])
-    value, gradient = stages.simulated_gradient(TwoMinds(), jnp.asarray(BEST - 0.1 * WIDTH), lanes(0.0, 9.0))
+    value, gradient = stages.simulated_gradient(Bowl(), BEST - 0.1 * WIDTH, lanes(0.0, 9.0))
     assert_allclose(value, (10 * 0.01 + 10.0) / 2)
     assert_allclose(gradient, 0.5 * -0.2 / WIDTH)  # the mean over both lanes, the fallen one's gradient left out
 
@@ -65,18 +61,6 @@ def test_lanes_are_spread_evenly_and_pooled_in_turn():
     training = {"a": lanes(0, 1, 2), "b": lanes(10, 11)}
     assert pooled(training, ("a", "b")).site.tolist() == [0, 10, 1, 11, 2]
     assert pooled(training, ("b",)).site.tolist() == [10, 11]
-
-
-def test_ranking_picks_by_simulation_among_the_proxys_best():
-    """Three searches of three starts. The proxy's two tallest go into the simulation, which prefers the nearest to `BEST`; a
-    later search may also take an earlier one's end point."""
-    heights = np.array([[0.48, 0.50, 0.52], [0.44, 0.47, 0.51], [0.40, 0.56, 0.58]])
-    ends = np.tile(BEST, (3, 3, 1))
-    ends[..., 0] = heights
-    chosen = rank(state(starts=3, candidates=2, rank_lanes=4), ("flat",), {"flat": lanes(0, 1)}, ends)
-    assert_allclose(chosen[:, 0], [0.52, 0.52, 0.56])
-    narrow = rank(state(starts=3, candidates=1, rank_lanes=4), ("flat",), {"flat": lanes(0, 1)}, ends)
-    assert_allclose(narrow[:, 0], [0.52, 0.52, 0.58])
 
 
 def test_polish_goes_down_and_keeps_what_is_better():

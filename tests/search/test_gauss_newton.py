@@ -1,0 +1,127 @@
+"""Descents in lock step on objectives with corners, known in closed form."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from jaxleg.search.gauss_newton import FAILED, Descents, begin, bent, judged, on_others
+from jaxleg.search.model import FREE, Model
+
+TARGET = np.array([0.3, 0.7, 0.5])
+
+
+def lanes(x, shift=(0.0,), failed=()):
+    """A bowl round `TARGET` whose way down a corner stops: 100 (x0 + x1 - 1.3) and 100 (x1 - x0) must stay positive."""
+    shift = np.asarray(shift, float)[:, None]
+    apart = x - TARGET + shift
+    rows = 100.0 * np.stack([np.full(len(shift), x[0] + x[1] - 1.3), np.full(len(shift), x[1] - x[0])], axis=1)
+    slopes = 100.0 * np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    cost = np.sum(apart**2, axis=1)
+    cost[list(failed)] = np.nan
+    padded = np.full((len(shift), 1, 3), FREE)
+    padded[:, 0, :2] = rows
+    along = np.zeros((len(shift), 1, 3, 3))
+    along[:, 0, :2] = slopes
+    return Model(None, cost, 2.0 * apart, padded, along)
+
+
+def descended(points, box, steps=40, **options):
+    descents, asked = Descents(begin(points), box), []
+    for _ in range(steps):
+        wanted = descents.ask()
+        asked.append(len(wanted))
+        if not wanted:
+            break
+        descents.tell({run: judged(lanes(at, **options), np.ones(3)) for run, at in wanted.items()})
+    return descents, asked
+
+
+def whole(runs):
+    return np.tile([0.0, 1.0], (runs, 3, 1))
+
+
+def test_every_run_finds_the_corner_within_few_steps():
+    """The lowest point on x0 + x1 = 1.3 is (0.45, 0.85, 0.5)."""
+    rng = np.random.default_rng(0)
+    descents, asked = descended(rng.uniform(0.0, 1.0, (6, 3)), whole(6))
+    assert_allclose(descents.runs.at, np.tile([0.45, 0.85, 0.5], (6, 1)), atol=1e-2)
+    assert_allclose(descents.runs.value, 2 * 0.15**2, atol=3e-4)
+    assert len(asked) <= 14
+    assert asked == sorted(asked, reverse=True)  # a run that has ended asks for nothing more
+
+
+def test_each_stays_in_its_box_and_what_is_held_stays():
+    box = whole(2)
+    box[0, 2] = 0.8  # held
+    box[1, 0] = (0.0, 0.2)
+    points = np.array([[0.9, 0.9, 0.8], [0.1, 0.1, 0.1]])
+    descents, _ = descended(points, box)
+    assert_allclose(descents.runs.at, [[0.45, 0.85, 0.8], [0.2, 1.0, 0.5]], atol=0.03)
+    assert descents.runs.at[0, 2] == 0.8
+    assert descents.runs.at[1, 0] <= 0.2
+
+
+def test_the_objective_is_the_mean_over_lanes_and_a_lane_that_fails_is_dear():
+    at = np.array([0.2, 0.4, 0.5])
+    seen = judged(lanes(at, shift=(0.0, 0.1), failed=(1,)), np.ones(3))
+    violated = 100.0 * 0.7
+    fined = 2.0 * (np.sqrt(1.0 + violated**2) - 1.0)
+    assert_allclose(seen.value, (0.1**2 + 0.3**2 + fined + FAILED) / 2)
+    assert_allclose(seen.slope, [-0.1, -0.3, 0.0])
+    assert seen.rows.shape == (1, 3)
+    both = judged(lanes(at, shift=(0.0, 0.1)), np.array([1.0, 10.0, 1.0]))
+    assert_allclose(both.slope, [-0.1, -5.0, 0.1])
+    assert both.rows.shape == (2, 3)
+    assert_allclose(both.slopes[0, 0], [100.0, 1000.0, 0.0])
+
+
+def test_a_step_that_costs_is_not_taken_and_the_next_is_shorter():
+    descents = Descents(begin(np.full((1, 3), 0.9)), whole(1))
+    descents.ask()
+    here = judged(lanes(np.full(3, 0.9)), np.ones(3))
+    descents.tell({0: here})
+    first = descents.ask()[0]
+    descents.tell({0: here._replace(value=here.value + 1.0)})
+    assert_allclose(descents.runs.at, 0.9)
+    assert descents.runs.radius[0] == pytest.approx(0.4 * np.max(np.abs(first - 0.9)))
+    second = descents.ask()[0]
+    assert np.max(np.abs(second - 0.9)) <= descents.runs.radius[0] + 1e-9
+
+
+def test_a_run_goes_on_from_where_it_was_kept():
+    """The first question is for where it stands; then it comes to the same end."""
+    points = np.array([[0.9, 0.1, 0.3], [0.2, 0.2, 0.2]])
+    descents, _ = descended(points, whole(2), steps=4)
+    again = Descents(descents.runs, whole(2))
+    assert_allclose(list(again.ask().values()), descents.runs.at)
+    ends = []
+    for one in (descents, again):
+        while wanted := one.ask():
+            one.tell({run: judged(lanes(at), np.ones(3)) for run, at in wanted.items()})
+        ends.append(one.runs)
+    assert_allclose(ends[0].at, ends[1].at)
+    assert ends[0].steps == ends[1].steps
+
+
+def test_the_best_go_on_with_what_they_know_of_the_curvature():
+    runs = begin(np.eye(3))._replace(radius=np.array([0.5, 0.01, 0.2]), steps=np.array(7, np.int32))
+    picked = on_others(runs, np.array([2, 1, 1]))
+    assert_allclose(picked.at, np.eye(3)[[2, 1, 1]])
+    assert_allclose(picked.radius, [0.2, 0.05, 0.05])
+    assert np.all(np.isinf(picked.value))
+    assert picked.steps == 7
+    assert not picked.ended
+
+
+def test_curvature_is_learnt_along_the_step_and_stays_positive():
+    true = np.diag([4.0, 1.0, 9.0])
+    curvature = np.eye(3)
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        step = rng.standard_normal(3)
+        curvature = bent(curvature, step, true @ step)
+        assert_allclose(curvature @ step, true @ step, rtol=1e-9)
+    assert_allclose(curvature, true, atol=0.2)
+    down = bent(curvature, np.array([1.0, 0.0, 0.0]), np.array([-5.0, 0.0, 0.0]))
+    assert np.all(np.linalg.eigvalsh(down) > 0.0)
+    np.testing.assert_array_equal(bent(curvature, np.zeros(3), np.ones(3)), curvature)
