@@ -20,7 +20,7 @@ PLACED = ("traditional", "paper", *STAGES)  # contestants whose parameters are d
 def history(csv_path: str | Path, path: str | Path) -> None:
     """Objective against step of each search, a panel for each kind; a traditional gait has 1.
 
-    `csv_path` is a run's history.csv with the columns kind, stage, step, best, mean and seconds.
+    `csv_path` is a run's history.csv with the columns kind, stage, step, terrains, best, mean and seconds.
     """
     with Path(csv_path).open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -30,7 +30,8 @@ def history(csv_path: str | Path, path: str | Path) -> None:
         for stage in STAGES:
             _history_line(ax, [row for row in rows if row["kind"] == kind and row["stage"] == stage], stage)
         ax.axhline(1.0, color=GREY, lw=1.0, ls=":")
-        label(ax, "step of the descent [-]", "", kind)
+        _history_rounds(ax, [row for row in rows if row["kind"] == kind])
+        label(ax, "step of the descent [-]\n(small: terrains)", "", kind)
     axes[0].set_ylabel("objective / traditional gait's energy [-]")
     axes[0].set_ylim(*_history_span(rows))
     legend_below(figure, _history_legend(), 3)
@@ -45,6 +46,18 @@ def _history_line(ax: Axes, rows: list[dict[str, str]], stage: str) -> None:
     step, best, mean = ([_number(row[column]) for row in rows] for column in ("step", "best", "mean"))
     ax.plot(step, best, color=CONTESTANT_COLOUR[stage], lw=2.0)
     ax.plot(step, mean, color=CONTESTANT_COLOUR[stage], lw=1.0, ls=(0, (4, 2)))
+
+
+def _history_rounds(ax: Axes, rows: list[dict[str, str]]) -> None:
+    """A line where the search goes on with other terrains, and how many."""
+    first = {terrains: min(int(row["step"]) for row in rows if row["terrains"] == terrains) for terrains in _terrains(rows)}
+    for terrains, step in first.items():
+        ax.axvline(step - 0.5, color=PALE, lw=1.0, zorder=0)
+        ax.text(step - 0.4, 0.02, f"{terrains}", transform=ax.get_xaxis_transform(), fontsize=7, color=GREY)
+
+
+def _terrains(rows: list[dict[str, str]]) -> list[str]:
+    return list(dict.fromkeys(row["terrains"] for row in rows))
 
 
 def _history_span(rows: list[dict[str, str]]) -> tuple[float, float]:

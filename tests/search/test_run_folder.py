@@ -297,7 +297,7 @@ def rows(folder: RunFolder) -> list[dict[str, str]]:
 
 
 def step(number: int, cost: Any = 1.0) -> dict[str, Any]:
-    return {"kind": "descent", "stage": "flat, iii", "step": number, "best": cost, "mean": 2.0, "seconds": 0.1}
+    return {"kind": "descent", "stage": "flat, iii", "step": number, "terrains": 4, "best": cost, "mean": 2.0, "seconds": 0.1}
 
 
 def test_history_keeps_each_step_once_over_resumes(folder: RunFolder) -> None:

@@ -147,7 +147,7 @@ def test_a_single_terrain_has_no_interval(drawn, tmp_path):
 def test_history(drawn, tmp_path):
     path, table = tmp_path / "history.png", tmp_path / "history.csv"
     rows = [
-        dict(kind=kind, stage=stage, step=step, best=1.0 - 0.1 * step, mean=2.0 if step else "", seconds=1.0)
+        dict(kind=kind, stage=stage, step=step, terrains=4, best=1.0 - 0.1 * step, mean=2.0 if step else "", seconds=1.0)
         for kind in ("flat", "stairs")
         for stage in STAGES
         for step in range(4)
