@@ -20,7 +20,7 @@ from jaxleg.leg.kinematics import Reach
 from jaxleg.robot import Robot
 from jaxleg.status import Status
 from jaxleg.walk.data import PlanChecks, Walk
-from jaxleg.walk.reference import Instant, phase_instant
+from jaxleg.walk.reference import Instant, at_places, phase_instant
 
 BATCH = 512  # instants of a walk worked out together
 # Smooth pieces (start, width, nodes) of a phase; (a, b) is a + b times the share of a swing in which load goes over.
@@ -49,32 +49,36 @@ def evaluate(robot: Robot, walk: Walk) -> Proxy:
     power = motor_power(robot, at.torque, at.velocity)
     used = walk.used[phase]
     seconds = jnp.where(used, weight * walk.phases.duration[phase], 0.0)
-    energy = Power(*(jnp.sum(seconds[:, None, None] * p, axis=0) for p in power))
+    energy = Power(*(jnp.sum(seconds[None, None] * p, axis=-1) for p in power))
     time = jnp.sum(jnp.where(walk.used, walk.phases.duration, 0.0))
     return Proxy(energy, walk.way, time, checks(robot, walk, at, used))
 
 
 def over_phases(function: Callable[..., Instant], walk: Walk, phase: np.ndarray, share: Float[Array, "n"]) -> Instant:
-    """A function (phase, share) at many places of a walk. Of a long walk some at a time, worked out again for the gradient: the
-    memory is that of `BATCH`."""
-    phases = jax.tree.map(lambda x: x[phase], walk.phases)
+    """A function (phase, share) at many places of a walk, these in the last axis. Of a long walk some at a time, worked out
+    again for the gradient: the memory is that of `BATCH`."""
     if len(phase) <= BATCH:
-        return jax.vmap(function)(phases, share)
-    return jax.lax.map(jax.checkpoint(lambda x: function(*x)), (phases, share), batch_size=BATCH)
+        return function(*at_places(walk.phases, phase, share))
+    chunks = -(-len(phase) // BATCH)
+    size = -(-len(phase) // chunks)
+    place = np.minimum(np.arange(chunks * size), len(phase) - 1).reshape(chunks, size)  # the last one fills up
+    some = jax.checkpoint(lambda x: function(*at_places(walk.phases, *x)))
+    at = jax.lax.map(some, (jnp.asarray(phase[place]), share[place]))
+    return jax.tree.map(lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1)[..., : len(phase)], at)
 
 
 def checks(robot: Robot, walk: Walk, at: Instant, used: Bool[Array, "t"]) -> PlanChecks:
-    """Least knee bend, stability margin and so on over sampled instants (leading axis of `at`), those that are `used`."""
-    feet, loaded = at.feet[..., :2], at.weight > 0.01
-    margin = _least(jax.vmap(stability_margin)(at.com[:, :2], feet, loaded), used)
-    ratio = -_least(-jnp.abs(at.torque) / robot.torque_limit[None], used)
+    """Least knee bend, stability margin and so on over sampled instants (last axis of `at`), those that are `used`."""
+    loaded = at.weight > 0.01
+    margin = _least(stability_margin(at.com[:2], at.feet[:, :2], loaded), used)
+    ratio = -_least(-jnp.abs(at.torque) / robot.torque_limit[..., None], used)
     load = _least(jnp.where(loaded, at.load, jnp.inf), used) / (0.25 * robot.mass * GRAVITY)
-    status = _status(robot, walk, jnp.any(used[:, None] & (at.reach != Reach.OK)), margin + ratio + load)
+    status = _status(robot, walk, jnp.any(used[None] & (at.reach != Reach.OK)), margin + ratio + load)
     return PlanChecks(_least(at.bend, used), margin, ratio, load, _least(at.room, used), walk.lowering, status)
 
 
 def _least(values, used):
-    return jnp.min(jnp.where(used.reshape(-1, *[1] * (values.ndim - 1)), values, jnp.inf))
+    return jnp.min(jnp.where(jax.lax.broadcast_to_rank(used, values.ndim), values, jnp.inf))
 
 
 def _status(robot, walk, beyond, numbers):
