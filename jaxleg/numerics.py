@@ -7,11 +7,13 @@ their singular point (the double-`where` idiom); each has a test there.
 
 import contextlib
 import enum
-from collections.abc import Generator
+import functools
+from collections.abc import Callable, Generator
 from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
+from jax.experimental.xla_metadata import set_xla_metadata
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Shaped
 
@@ -32,6 +34,23 @@ def foreign() -> Generator[None, None, None]:
         yield
 
 
+def apart(function: Callable[..., Tree]) -> Callable[..., Tree]:
+    """The function as a part that XLA compiles by itself, whatever is mapped over it or differentiates it.
+
+    On a processor XLA fuses what has many users into each of them: a chain of small operations is worked out, and compiled,
+    again for every result. Other devices' compilers weigh that themselves, and may know no calls.
+    """
+    part = jax.jit(function)
+
+    def call(*arguments):
+        if jax.default_backend() != "cpu":
+            return function(*arguments)
+        with set_xla_metadata(inlineable="false"):
+            return part(*arguments)
+
+    return functools.wraps(function)(call)
+
+
 def select(yes: Bool[Array, ""], new: Tree, old: Tree) -> Tree:
     """One of two trees of arrays, leaf by leaf; both are computed."""
     return jax.tree.map(lambda a, b: jnp.where(yes, a, b), new, old)
@@ -43,9 +62,9 @@ def sqrt_safe(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1.0)), 0.0)
 
 
-def norm_safe(x: Float[Array, "*n k"]) -> Float[Array, "*n"]:
-    """Euclidean norm over the last axis, with gradient 0 at the origin."""
-    return sqrt_safe(jnp.sum(x * x, axis=-1))
+def norm_safe(x: Float[Array, "*n k"], axis: int = -1) -> Float[Array, "*m"]:
+    """Euclidean norm over an axis, with gradient 0 at the origin."""
+    return sqrt_safe(jnp.sum(x * x, axis=axis))
 
 
 def smoothstep(x: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
@@ -123,8 +142,13 @@ def inverse3(a: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3 3"]:
 def inverse3_safe(a: Float[Array, "*n 3 3"], least: float = 1e-6) -> Float[Array, "*n 3 3"]:
     """`inverse3` with the determinant kept at or beyond +-`least`: large but finite for a singular matrix."""
     adjugate, determinant = _cofactors(a)
-    floor = jnp.where(determinant < 0.0, -least, least).astype(a.dtype)
-    return adjugate / jnp.where(jnp.abs(determinant) < least, floor, determinant)
+    return adjugate / away_from_zero(determinant, least)
+
+
+def away_from_zero(x: Float[Array, "*n"], least: float = 1e-6) -> Float[Array, "*n"]:
+    """A divisor, kept at or beyond +-`least`."""
+    floor = jnp.where(x < 0.0, -least, least).astype(x.dtype)
+    return jnp.where(jnp.abs(x) < least, floor, x)
 
 
 def _cofactors(a):

@@ -1,16 +1,9 @@
 """Turns: about an axis, of a quaternion, and of a trunk by pitch, roll and yaw."""
 
 import jax.numpy as jnp
-from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from jaxleg.numerics import cross_matrix
-
-
-def rotation_about(axis: Float[Array, "3"], angle: Float[ArrayLike, ""]) -> Float[Array, "3 3"]:
-    """Rotation matrix by `angle` [rad] about a unit axis (Rodrigues)."""
-    c, s = jnp.cos(angle), jnp.sin(angle)
-    return c * jnp.eye(3, dtype=axis.dtype) + s * cross_matrix(axis) + (1.0 - c) * axis[:, None] * axis[None, :]
+from jaxleg.vectors import Rows, Vector, parts
 
 
 def rotation_from_quaternion(quaternion: Float[Array, "4"]) -> Float[Array, "3 3"]:
@@ -26,11 +19,19 @@ def rotation_from_quaternion(quaternion: Float[Array, "4"]) -> Float[Array, "3 3
 
 
 def trunk_rotation(turn: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    """Rotation B -> W of a turn (pitch, roll, yaw) [rad], see `trunk_rows`."""
+    rows = trunk_rows(turn)
+    return jnp.stack([row.array() for row in (rows.x, rows.y, rows.z)])
+
+
+def trunk_rows(turn: Float[Array, "3 *n"]) -> Rows:
     """Rotation B -> W of a turn (pitch, roll, yaw) [rad]: roll to the right about x, then nose-up pitch about -y, then yaw
     to the left about z (paper C, 3.1: yaw, and roll and pitch with the ground)."""
-    (cp, cr, cy), (sp, sr, sy) = jnp.cos(turn), jnp.sin(turn)
-    ahead, aside = jnp.stack([cp, -sp * sr, -sp * cr]), jnp.stack([jnp.zeros_like(cr), cr, -sr])
-    return jnp.stack([cy * ahead - sy * aside, sy * ahead + cy * aside, jnp.stack([sp, cp * sr, cp * cr])])
+    (cp, cr, cy), (sp, sr, sy) = parts(jnp.cos(turn)), parts(jnp.sin(turn))
+    ahead = Vector(cp, -sp * sr, -sp * cr)
+    x = Vector(cy * ahead.x, cy * ahead.y - sy * cr, cy * ahead.z + sy * sr)
+    y = Vector(sy * ahead.x, sy * ahead.y + cy * cr, sy * ahead.z - cy * sr)
+    return Rows(x, y, Vector(sp, cp * sr, cp * cr))
 
 
 def trunk_quaternion(turn: Float[Array, "3"]) -> Float[Array, "4"]:
@@ -44,10 +45,10 @@ def trunk_quaternion(turn: Float[Array, "3"]) -> Float[Array, "4"]:
     )
 
 
-def trunk_spin(turn: Float[Array, "3"], rate: Float[Array, "3"]) -> Float[Array, "3"]:
+def trunk_spin(turn: Float[Array, "3 *n"], rate: Float[Array, "3 *n"]) -> Float[Array, "3 *n"]:
     """Angular velocity in B [rad/s] of a turn (pitch, roll, yaw) that changes at `rate` [rad/s]."""
-    (cp, cr), (sp, sr) = jnp.cos(turn[:2]), jnp.sin(turn[:2])
-    pitch, roll, yaw = rate[0], rate[1], rate[2]
+    (cp, cr, _), (sp, sr, _) = parts(jnp.cos(turn)), parts(jnp.sin(turn))
+    pitch, roll, yaw = parts(rate)
     return jnp.stack([roll + yaw * sp, yaw * cp * sr - pitch * cr, yaw * cp * cr + pitch * sr])
 
 

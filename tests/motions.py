@@ -56,7 +56,7 @@ def _planned(robot, terrain, seconds, samples):
     flight = no_flights(2, duration.dtype)._replace(apex=APEX * moves, lift=LIFT_SHARE * moves)
     phases = Phases(jnp.cumsum(duration) - duration, duration, poses[:2], poses[1:], feet_from, feet_to, flight, swings)
     time, at = phase_instants(robot, phases, (SHIFT, SWINGS), jnp.asarray(LOAD_SHARE), samples)
-    return time, at, to_reference(time, at)
+    return time, jax.tree.map(lambda x: jnp.moveaxis(x, -1, 0), at), to_reference(time, at)
 
 
 class Body(NamedTuple):

@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent / "jaxleg"
 ORDER = (
-    ("about", "batch", "conventions", "files", "npz", "numerics", "pytree", "rotations", "settings", "status"),
+    ("about", "batch", "conventions", "files", "npz", "numerics", "pytree", "rotations", "settings", "status", "vectors"),
     ("robot",),
     ("leg",),
     ("terrain",),

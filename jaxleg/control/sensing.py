@@ -17,12 +17,14 @@ from jaxtyping import Array, Float, Int
 
 from jaxleg.control.contract import State
 from jaxleg.conventions import GRAVITY
-from jaxleg.leg.dynamics import Motion, all_leg_frames, inverse_dynamics
+from jaxleg.leg.dynamics import Motion, all_folds, all_leg_frames, inverse_dynamics
 from jaxleg.leg.kinematics import foot_jacobian
+from jaxleg.leg.moving import Moving
 from jaxleg.numerics import inverse3_safe, matvec
 from jaxleg.pytree import pytree
 from jaxleg.robot import Robot
 from jaxleg.rotations import trunk_rotation
+from jaxleg.vectors import vector
 
 CREEP = 0.02  # joint speed about which friction turns round [rad/s]
 
@@ -86,8 +88,9 @@ def felt_forces(robot: Robot, senses: Senses, felt: Joints, turn: Float[Array, "
     """
     rotation, still = trunk_rotation(turn), jnp.zeros_like(turn)
     frames = all_leg_frames(robot, felt.angles.value)
-    motion = Motion(felt.angles.rate, senses.inertia * felt.angles.acceleration, still, still, GRAVITY * rotation[2])
-    load, _ = inverse_dynamics(believed(robot, senses.mass_error), frames, motion)
+    trunk = Moving(vector(still), vector(still), vector(GRAVITY * rotation[2]))
+    motion = Motion(felt.angles.rate, senses.inertia * felt.angles.acceleration, trunk)
+    load, _ = inverse_dynamics(believed(robot, senses.mass_error), all_folds(robot, felt.angles.value), motion)
     jacobian = jax.vmap(foot_jacobian)(frames)
     force = matvec(jnp.swapaxes(inverse3_safe(jacobian), -1, -2), load - felt.torque.value)
     return matvec(rotation, force)

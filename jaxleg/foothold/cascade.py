@@ -18,13 +18,13 @@ from jaxleg.foothold.contract import Footholds, FootholdStatus, Proposal
 from jaxleg.foothold.rectangle import (
     Candidates,
     Extent,
-    Order,
     SearchRectangle,
-    best_first,
     candidates,
-    cells_around,
     feasible_score,
-    nearest_first,
+    nearness,
+    preference,
+    preferred,
+    rings,
 )
 from jaxleg.gait.params import GaitParams
 from jaxleg.leg.kinematics import reach_for_bend
@@ -123,10 +123,14 @@ def choose_stance(
     seen = candidates(rectangle, terrain.resolution, extent.cells)
     footing, level, usable = _look(nominal, valid, terrain, seen, reachable, extent.cells)
     common = jnp.all(usable, axis=0)
-    score = [feasible_score(seen.along, rectangle, longer) for longer in (0.0, rectangle.longer)]
-    short, nominal_found = _first(best_first(score[0], seen, seen.short), common)
-    long, widened_found = _first(best_first(score[1], seen, seen.long), common)
-    near, near_found = _first(nearest_first(seen, seen.long), usable)
+
+    def first(value, allowed):
+        keys = tuple(key.reshape(-1) for key in preference(seen.along, value))
+        return preferred(keys, allowed.reshape(*allowed.shape[:-2], -1))
+
+    short, nominal_found = first(feasible_score(seen.along, rectangle), common & seen.short)
+    long, widened_found = first(feasible_score(seen.along, rectangle, rectangle.longer), common & seen.long)
+    near, near_found = first(nearness(seen.along), usable & seen.long[None])
     offset = seen.offset.reshape(-1, 2)[jnp.where(nominal_found, short, jnp.where(widened_found, long, near))]
     lost = ~(near_found | widened_found)
     far, far_found = _resort(nominal, footing, terrain, rectangle, reachable, level, lost, extent.resort)
@@ -188,36 +192,26 @@ def _within(height, level, reachable: Reachable):
     return jnp.isfinite(height) & ~(above < reachable.lowest) & ~(above > reachable.highest)
 
 
-def _first(order: Order, allowed: Bool[Array, "*leg i j"]):
-    """Flat index of the first allowed candidate of an order, and whether there is one."""
-    last = order.candidate.size - 1
-    rank = jnp.min(jnp.where(allowed, order.rank, last + 1), axis=(-2, -1))
-    return order.candidate[jnp.minimum(rank, last)], rank <= last
-
-
 def _resort(nominal, footing, terrain, rectangle, reachable: Reachable, level, lost, reach: int):
     """Last resort: each lost leg's nearest foothold within one step length. Stops looking when no leg is lost any more."""
-    cells = cells_around((reach, reach)).reshape(1, -1, 2)
-    offset = jnp.asarray(cells, nominal.dtype) * terrain.resolution
-    along = to_heading(offset, rectangle.heading)
-    close = jnp.sum(offset**2, axis=-1) <= (reachable.step + 1e-3 * terrain.resolution) ** 2
-    order = nearest_first(Candidates(offset, along, close, close), jnp.ones_like(close)).candidate
-    order = jnp.pad(order, (0, -order.size % BLOCK), mode="edge")
+    blocks = jnp.asarray(rings(reach, BLOCK), jnp.int32)
     start, size = nearest_cell(terrain, nominal), jnp.array([[footing.shape]], jnp.int32)
 
     def look(state):
         """The next block of cells: whether one of them will do for a foot that has none yet."""
         at, found, pick = state
-        some = jax.lax.dynamic_slice(order, (at,), (BLOCK,))
-        cell = start[:, None] + jnp.asarray(cells, jnp.int32)[:, some]
-        there = jnp.all((cell >= 0) & (cell < size), axis=-1) & close[:, some]
+        offset = blocks[at].astype(nominal.dtype) * terrain.resolution
+        along = to_heading(offset, rectangle.heading)
+        close = jnp.sum(offset**2, axis=-1) <= (reachable.step + 1e-3 * terrain.resolution) ** 2
+        cell = start[:, None] + blocks[at][None]
+        there = jnp.all((cell >= 0) & (cell < size), axis=-1) & close[None]
         cell = jnp.clip(cell, 0, size - 1)
         good = there & _within(footing[cell[..., 0], cell[..., 1]], level[:, None], reachable)
-        new = jnp.where(found, pick, some[jnp.argmax(good, axis=-1)])
-        return at + BLOCK, found | jnp.any(good, axis=-1), new
+        best, exists = preferred(preference(along, nearness(along)), good)
+        return at + 1, found | exists, jnp.where(found[:, None], pick, offset[best])
 
     def going(state):
-        return (state[0] < order.size) & jnp.any(~state[1])
+        return (state[0] < blocks.shape[0]) & jnp.any(~state[1])
 
-    _, found, pick = jax.lax.while_loop(going, look, (jnp.zeros((), jnp.int32), ~lost, jnp.zeros(lost.shape, jnp.int32)))
-    return offset[0, pick], found & lost
+    _, found, pick = jax.lax.while_loop(going, look, (jnp.zeros((), jnp.int32), ~lost, jnp.zeros_like(nominal)))
+    return pick, found & lost

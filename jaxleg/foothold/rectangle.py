@@ -7,6 +7,7 @@ rectangle it is worked out once.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -41,13 +42,6 @@ class Candidates(NamedTuple):
     along: Float[Array, "i j 2"]  # ahead and to the left of the heading [m]
     short: Bool[Array, "i j"]  # within the rectangle
     long: Bool[Array, "i j"]  # within the lengthened one
-
-
-class Order(NamedTuple):
-    """An order of preference over n candidates; those that take no part rank n."""
-
-    rank: Int[Array, "i j"]
-    candidate: Int[Array, "n"]  # flat index of the candidate of each rank
 
 
 def extent_of(length: float, width: float, resort: float, resolution: float, heading: float | None = 0.0) -> Extent:
@@ -91,18 +85,48 @@ def feasible_score(
     return 1.0 - rectangle.nominal_weight * first - (1.0 - rectangle.nominal_weight) * second
 
 
-def best_first(value: Float[Array, "i j"], seen: Candidates, allowed: Bool[Array, "i j"]) -> Order:
-    """Order by falling value; ties go forward, then to the centre line, then left (A10).
+def preference(along: Float[Array, "*n 2"], value: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], ...]:
+    """What candidates (ahead, left) [m] are compared by, the first that differs decides, the greater is preferred: their value,
+    forward, to the centre line, left (A10).
 
     Values are compared on a grid of 1e-5 and lengths on one of 1e-6 m, so that a tie stays one whatever the rounding.
     """
-    ahead, left = (jnp.round(seen.along[..., k] * 1e6).reshape(-1) for k in (0, 1))
-    worth = jnp.round(value * 1e5).reshape(-1)
-    order = jnp.lexsort((-left, jnp.abs(left), -ahead, -worth, ~allowed.reshape(-1))).astype(jnp.int32)
-    rank = jnp.zeros_like(order).at[order].set(jnp.arange(order.size, dtype=jnp.int32))
-    return Order(jnp.where(allowed, rank.reshape(allowed.shape), order.size), order)
+    ahead, left = (jnp.round(along[..., k] * 1e6) for k in (0, 1))
+    return jnp.round(value * 1e5), ahead, -jnp.abs(left), left
 
 
-def nearest_first(seen: Candidates, allowed: Bool[Array, "i j"]) -> Order:
-    """Order by Euclidean distance to the nominal foothold, squared distances compared on a grid of 1e-7 m^2."""
-    return best_first(-100.0 * jnp.sum(seen.along**2, axis=-1), seen, allowed)
+def nearness(along: Float[Array, "*n 2"]) -> Float[Array, "*n"]:
+    """A value that falls with the Euclidean distance to the nominal foothold, its square compared on a grid of 1e-7 m^2."""
+    return -100.0 * jnp.sum(along**2, axis=-1)
+
+
+def preferred(
+    keys: tuple[Float[Array, "*n"], ...], allowed: Bool[Array, "*leg n"]
+) -> tuple[Int[Array, "*leg"], Bool[Array, "*leg"]]:
+    """Index of the candidate that `preference` prefers among the allowed ones, along the last axis, and whether there is one.
+
+    Not by sorting: that costs twenty times as much as to look for the best.
+    """
+    left = allowed
+    for key in keys:
+        key = jax.lax.broadcast_to_rank(key, allowed.ndim)
+        left = left & (key == jnp.max(jnp.where(left, key, -jnp.inf), axis=-1, keepdims=True))
+    last = allowed.shape[-1] - 1
+    place = jax.lax.broadcast_to_rank(jnp.arange(last + 1, dtype=jnp.int32), allowed.ndim)
+    return jnp.min(jnp.where(left, place, last), axis=-1), jnp.any(allowed, axis=-1)
+
+
+def rings(extent: int, block: int) -> np.ndarray:
+    """Offsets in cells (i, j) up to `extent` either way, the nearest first, in blocks (block, cell, 2) of at most so many.
+
+    Cells that are equally far stand in one block, which the last of its cells fills up.
+    """
+    cells = cells_around((extent, extent)).reshape(-1, 2)
+    cells = cells[np.argsort(np.sum(cells**2, axis=1), kind="stable")]
+    further = np.flatnonzero(np.diff(np.sum(cells**2, axis=1))) + 1
+    rows: list[list[int]] = [[]]
+    for ring in np.split(np.arange(len(cells)), further):
+        if len(rows[-1]) + len(ring) > block:
+            rows.append([])
+        rows[-1].extend(ring)
+    return np.stack([cells[np.pad(row, (0, block - len(row)), mode="edge")] for row in rows])

@@ -81,29 +81,26 @@ def cog_point(
     return overlap_incentre(*corners) if cog.rule == "overlap" else overlap_median(*corners, cog.ratio)
 
 
-def stability_margin(com: Float[Array, "2"], feet: Float[Array, "leg 2"], loaded: Bool[Array, "leg"]) -> Float[Array, ""]:
+def stability_margin(
+    com: Float[Array, "2 *n"], feet: Float[Array, "leg 2 *n"], loaded: Bool[Array, "leg *n"]
+) -> Float[Array, "*n"]:
     """Distance [m] of the centre of mass inside the hull of the loaded feet, negative outside.
 
     The loaded feet keep their order round the body, so each edge joins a loaded foot to the next loaded one. Two loaded
-    feet give minus the distance to their line; fewer give -1.
+    feet give minus the distance to their line; fewer give -1. Many instants at once have axes of their own behind all others.
     """
     ring = np.array(RING)
-    first, second, between = _ring_pairs()
     points, on = feet[ring], loaded[ring]
-    edge = points[second] - points[first]
-    inside = -_cross2(edge, com[None] - points[first]) / (norm_safe(edge) + 1e-9)  # the ring runs clockwise
-    skipped = jnp.any(on[None, :] & between, axis=1)
-    used = on[first] & on[second] & ~skipped
-    margin = jnp.min(jnp.where(used, inside, jnp.inf))
-    return jnp.where(jnp.sum(loaded) >= 2, margin, -1.0)
+    passed, margins = jnp.zeros_like(on), []
+    for step in (1, 2, 3):  # from each foot to the next, to the one after it, to the one before it
+        ahead, there = jnp.roll(points, -step, axis=0), jnp.roll(on, -step, axis=0)
+        edge, arm = ahead - points, com[None] - points
+        inside = (edge[:, 1] * arm[:, 0] - edge[:, 0] * arm[:, 1]) / (norm_safe(edge, axis=1) + 1e-9)  # it runs clockwise
+        margins.append(jnp.min(jnp.where(on & there & ~passed, inside, jnp.inf), axis=0))
+        passed = passed | there
+    least = jnp.minimum(jnp.minimum(margins[0], margins[1]), margins[2])
+    return jnp.where(jnp.sum(loaded, axis=0) >= 2, least, -1.0)
 
 
 def _cross2(a: Float[Array, "*n 2"], b: Float[Array, "*n 2"]) -> Float[Array, "*n"]:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
-def _ring_pairs() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All ordered pairs of ring places, and which places lie strictly between them going round."""
-    pairs = [(i, j) for i in range(4) for j in range(4) if i != j]
-    between = [[(k - i) % 4 < (j - i) % 4 and k != i for k in range(4)] for i, j in pairs]
-    return np.array([i for i, _ in pairs]), np.array([j for _, j in pairs]), np.array(between)

@@ -8,10 +8,12 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
 from jaxleg.conventions import GRAVITY
-from jaxleg.leg.dynamics import Wrench, share_load
+from jaxleg.leg.dynamics import share_load
 from jaxleg.leg.kinematics import Reach, foot_jacobian, knee_bend, leg_angles, leg_frames
-from jaxleg.numerics import cross, matvec, sqrt_safe
+from jaxleg.leg.moving import Wrench
+from jaxleg.numerics import matvec, sqrt_safe
 from jaxleg.robot import Robot
+from jaxleg.vectors import Vector, vector
 
 
 class LegTorque(NamedTuple):
@@ -31,9 +33,10 @@ def standing_load(
     `com`, `feet` in any upright frame [m]. Three feet on level ground leave no choice; a negative one says that
     the centre of mass lies outside the support triangle.
     """
-    weight = robot.mass * GRAVITY * jnp.array([0.0, 0.0, 1.0], feet.dtype)
-    arm = com - feet[0]
-    return share_load(feet - feet[:1], loaded.astype(feet.dtype), Wrench(weight, cross(arm, weight)))
+    weight = vector(robot.mass * GRAVITY * jnp.array([0.0, 0.0, 1.0], feet.dtype))
+    places = jax.vmap(vector)(feet - com[None])
+    forces = share_load(places, loaded.astype(feet.dtype), Wrench(weight, weight.cross(weight)))
+    return jax.vmap(Vector.array)(forces)
 
 
 def holding_torque(

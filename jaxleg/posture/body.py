@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxleg.leg.dynamics import all_leg_frames, centre_of_mass
+from jaxleg.leg.dynamics import all_folds, centre_of_mass
 from jaxleg.leg.kinematics import leg_angles
 from jaxleg.numerics import matvec
 from jaxleg.robot import Robot
-from jaxleg.rotations import trunk_rotation
+from jaxleg.rotations import trunk_rotation, trunk_rows
 
 
 def feet_in_trunk(pose: Float[Array, "6"], feet: Float[Array, "leg 3"]) -> Float[Array, "leg 3"]:
@@ -28,9 +28,9 @@ def joint_angles(
 def com_offset(robot: Robot, pose: Float[Array, "6"], feet: Float[Array, "leg 3"]) -> Float[Array, "3"]:
     """Centre of mass, legs included, relative to B's origin, axes of W [m]."""
     angles, _ = joint_angles(robot, pose, feet)
-    return matvec(trunk_rotation(pose[3:]), centre_of_mass(robot, all_leg_frames(robot, angles)))
+    return trunk_rows(pose[3:]).times(centre_of_mass(robot, all_folds(robot, angles))).array()
 
 
 def com_position(robot: Robot, pose: Float[Array, "6"], angles: Float[Array, "leg joint"]) -> Float[Array, "3"]:
     """Centre of mass in W [m], legs included."""
-    return pose[:3] + matvec(trunk_rotation(pose[3:]), centre_of_mass(robot, all_leg_frames(robot, angles)))
+    return pose[:3] + trunk_rows(pose[3:]).times(centre_of_mass(robot, all_folds(robot, angles))).array()

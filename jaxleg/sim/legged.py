@@ -13,12 +13,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxleg.conventions import GRAVITY
-from jaxleg.leg.dynamics import Motion, all_leg_frames, centre_of_mass, newton_euler
+from jaxleg.leg.dynamics import Motion, all_folds, all_leg_frames, centre_of_mass, newton_euler
 from jaxleg.leg.kinematics import LegFrames, carried_sum, foot_jacobian
+from jaxleg.leg.moving import Moving
 from jaxleg.numerics import cross, cross_matrix, dot, matmul, matvec
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
 from jaxleg.sim.engine import Engine, Terms
+from jaxleg.vectors import vector
 
 
 def legged_engine(robot: Robot) -> Engine:
@@ -29,21 +31,22 @@ def legged_engine(robot: Robot) -> Engine:
         turn, angles = rotation_from_quaternion(q[3:7]), q[7:].reshape(4, 3)
         frames = all_leg_frames(robot, angles)
         leg = jax.vmap(_leg_momenta)(frames, robot.hip_position, robot.link_com, robot.link_mass, robot.link_inertia)
-        torque, wrench = newton_euler(robot, frames, _at_rest_in_w(turn, v))
+        folds = all_folds(robot, angles)
+        torque, wrench = newton_euler(robot, folds, _at_rest_in_w(turn, v))
         feet, by_leg = robot.hip_position + frames.foot, jax.vmap(foot_jacobian)(frames)
         turns = jnp.broadcast_to(turn, (4, 3, 3))
         return Terms(
             trunk=_trunk_block(robot, turn, leg),
             coupling=jnp.concatenate([matmul(turns, leg.linear), leg.angular], axis=1),
             legs=leg.own + robot.rotor_inertia[:, :, None] * jnp.eye(3, dtype=q.dtype)[None],
-            trunk_bias=jnp.concatenate([matvec(turn, wrench.force), wrench.moment]),
+            trunk_bias=jnp.concatenate([matvec(turn, wrench.force.array()), wrench.moment.array()]),
             leg_bias=torque,
             foot=q[None, :3] + matvec(turn, feet),
             foot_by_trunk=jnp.concatenate(
                 [jnp.broadcast_to(jnp.eye(3, dtype=q.dtype), turns.shape), -matmul(turns, cross_matrix(feet))], axis=2
             ),
             foot_by_leg=matmul(turns, by_leg),
-            com=q[:3] + matvec(turn, centre_of_mass(robot, frames)),
+            com=q[:3] + matvec(turn, centre_of_mass(robot, folds).array()),
         )
 
     return terms
@@ -51,9 +54,8 @@ def legged_engine(robot: Robot) -> Engine:
 
 def _at_rest_in_w(turn: Float[Array, "3 3"], v: Float[Array, "18"]) -> Motion:
     """The motion without any acceleration but that against gravity."""
-    spin, zero = v[3:6], jnp.zeros(3, v.dtype)
-    up = GRAVITY * turn[2]
-    return Motion(v[6:].reshape(4, 3), jnp.zeros((4, 3), v.dtype), spin, zero, up)
+    trunk = Moving(vector(v[3:6]), vector(jnp.zeros(3, v.dtype)), vector(GRAVITY * turn[2]))
+    return Motion(v[6:].reshape(4, 3), jnp.zeros((4, 3), v.dtype), trunk)
 
 
 class _Leg(NamedTuple):

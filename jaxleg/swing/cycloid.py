@@ -26,12 +26,12 @@ def cycloid_lift(share: Float[ArrayLike, "*n"]) -> Float[Array, "*n"]:
 
 
 def swing_foot(
-    start: Float[Array, "3"],
-    end: Float[Array, "3"],
-    apex: Float[ArrayLike, ""],
-    share: Float[ArrayLike, ""],
-    lift_share: Float[ArrayLike, ""],
-) -> Float[Array, "3"]:
+    start: Float[Array, "3 *n"],
+    end: Float[Array, "3 *n"],
+    apex: Float[ArrayLike, "*n"],
+    share: Float[ArrayLike, "*n"],
+    lift_share: Float[ArrayLike, "*n"],
+) -> Float[Array, "3 *n"]:
     """Foot [m] at share of a swing from `start` to `end`: a rising half cycloid, then a falling one.
 
     The top lies `apex` above the higher end. In the first and last `lift_share` of the time the foot moves only up or
@@ -42,4 +42,4 @@ def swing_foot(
     top = jnp.maximum(start[2], end[2]) + apex
     base = jnp.where(share < 0.5, start[2], end[2])
     height = base + (top - base) * cycloid_lift(share)
-    return jnp.concatenate([start[:2] + (end[:2] - start[:2]) * advance, height[None]])
+    return jnp.concatenate([start[:2] + (end[:2] - start[:2]) * advance[None], height[None]])

@@ -14,27 +14,33 @@ from jaxleg.numerics import norm_safe, smooth_ramp, smoothstep
 from jaxleg.swing.cycloid import swing_foot
 
 
-def fly(start: Float[Array, "3"], end: Float[Array, "3"], flight: Flight, share: Float[ArrayLike, ""]) -> Float[Array, "3"]:
-    """Foot [m] at a share of its flight in W: along a route at minimum jerk, or a compound cycloid (`swing_foot`)."""
-    if not flight.corner.shape[-2]:
+def fly(
+    start: Float[Array, "3 *n"], end: Float[Array, "3 *n"], flight: Flight, share: Float[ArrayLike, "*n"]
+) -> Float[Array, "3 *n"]:
+    """Foot [m] at a share of its flight in W: along a route at minimum jerk, or a compound cycloid (`swing_foot`).
+
+    Of one flight, or of many in a last axis.
+    """
+    if not flight.corner.shape[0]:
         return swing_foot(start, end, flight.apex, share, flight.lift)
     way = end[:2] - start[:2]
-    corner = flight.corner.at[0, 1].set(start[2]) * jnp.stack([norm_safe(way), jnp.ones_like(start[2])])[None]
+    length = norm_safe(way, axis=0)
+    corner = flight.corner.at[0, 1].set(start[2]) * jnp.stack([length, jnp.ones_like(length)])[None]
     point = along(corner, flight.rounding, smoothstep(share))
-    heading = way / jnp.maximum(norm_safe(way), 1e-6)
-    return jnp.concatenate([start[:2] + heading * point[0], point[1:]])
+    heading = way / jnp.maximum(length, 1e-6)[None]
+    return jnp.concatenate([start[:2] + heading * point[:1], point[1:]])
 
 
-def along(corner: Float[Array, "corner 2"], rounding: Float[Array, ""], share: Float[Array, ""]) -> Float[Array, "2"]:
+def along(corner: Float[Array, "corner 2 *n"], rounding: Float[Array, "*n"], share: Float[Array, "*n"]) -> Float[Array, "2 *n"]:
     """Point at a share of the length of a polyline, each corner rounded by a curve of continuous curvature.
 
     Within `rounding` of a corner, or as far as the nearer end is, the path leaves the polyline to the inner side: by at most
     0.16 of that length times the change of direction (a vector of length 1.4 for a right angle).
     """
     way = jnp.diff(corner, axis=0)
-    length = norm_safe(way)
+    length = norm_safe(way, axis=1)
     direction = way / jnp.maximum(length, 1e-9)[:, None]
-    at = jnp.cumsum(length)
-    here, turn = share * at[-1], jnp.diff(direction, axis=0)
-    width = jnp.maximum(jnp.minimum(rounding, jnp.minimum(at[:-1], at[-1] - at[:-1])), 1e-6)
+    at = jnp.cumsum(length, axis=0)
+    here, turn = (share * at[-1])[None], jnp.diff(direction, axis=0)
+    width = jnp.maximum(jnp.minimum(rounding[None], jnp.minimum(at[:-1], at[-1:] - at[:-1])), 1e-6)
     return corner[0] + direction[0] * here + jnp.sum(turn * smooth_ramp(here - at[:-1], width)[:, None], axis=0)

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 
 from jaxleg.conventions import LEG_SIDE, LEGS, RING
 from jaxleg.foothold.contract import Footholds, FootholdStatus
-from jaxleg.foothold.rectangle import SearchRectangle, best_first, candidates, cells_around, extent_of, feasible_score
+from jaxleg.foothold.rectangle import SearchRectangle, candidates, cells_around, extent_of, feasible_score, preference
 from jaxleg.terrain.heightmap import nearest_cell
 from jaxleg.terrain.site import Site
 from jaxleg.viz.ground import GROUND_KEYS, HEIGHT, INVALID, draw_ground
@@ -90,25 +90,25 @@ def search_cells(planned: Planned, widened: bool) -> Cells:
     terrain, box = planned.site.terrain, planned.rectangle
     size = float(box.length + box.longer), float(box.width)
     around = extent_of(*size, 0.0, float(terrain.resolution), float(box.heading)).cells
-    nearest, offset, inside, rank = jax.device_get(_ranked(terrain, box, planned.nominal[0], around, widened))
+    nearest, offset, inside, keys = jax.device_get(_compared(terrain, box, planned.nominal[0], around, widened))
     cell = nearest[:, None, None] + cells_around(around)
     valid = np.asarray(planned.site.valid)[cell[..., 0], cell[..., 1]]
-    return Cells(offset, inside, valid, _numbered(rank, inside & valid.all(axis=0)))
+    return Cells(offset, inside, valid, _numbered(keys, inside & valid.all(axis=0)))
 
 
 @functools.partial(jax.jit, static_argnums=(3, 4))
-def _ranked(terrain, box, nominal, around, widened):
-    """The nominal footholds' cells; of the cells round one: offsets [m], whether they count, and their ranks."""
+def _compared(terrain, box, nominal, around, widened):
+    """The nominal footholds' cells; of the cells round one: offsets [m], whether they count, and what they are compared by."""
     seen = candidates(box, terrain.resolution, around)
     inside, longer = (seen.long, box.longer) if widened else (seen.short, 0.0)
-    rank = best_first(feasible_score(seen.along, box, longer), seen, inside).rank
-    return nearest_cell(terrain, nominal), seen.offset, inside, rank
+    keys = preference(seen.along, feasible_score(seen.along, box, longer))
+    return nearest_cell(terrain, nominal), seen.offset, inside, keys
 
 
-def _numbered(rank: np.ndarray, common: np.ndarray) -> np.ndarray:
-    """1, 2, ... in the order of `rank` where `common`, 0 elsewhere; (i, j)."""
-    number = np.zeros(rank.shape, int)
-    number[common] = 1 + np.argsort(np.argsort(rank[common]))
+def _numbered(keys: tuple[np.ndarray, ...], common: np.ndarray) -> np.ndarray:
+    """1, 2, ... in the order of preference where `common`, 0 elsewhere; (i, j)."""
+    number = np.zeros(common.shape, int)
+    number[common] = 1 + np.argsort(np.lexsort([-key[common] for key in reversed(keys)]))
     return number
 
 

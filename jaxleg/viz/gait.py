@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Polygon
 
 from jaxleg.conventions import LEFT_LEGS, RIGHT_LEGS, RING
 from jaxleg.gait.order import PHASES
-from jaxleg.leg.dynamics import all_leg_frames, centre_of_mass
+from jaxleg.leg.dynamics import all_folds, all_leg_frames, centre_of_mass
 from jaxleg.numerics import matvec
 from jaxleg.robot import Robot
 from jaxleg.rotations import rotation_from_quaternion
@@ -69,7 +69,8 @@ def postures(robot, angles, position, quaternion):
     frames = all_leg_frames(robot, angles)
     points = jnp.concatenate([frames.origin, frames.foot[:, None]], axis=1) + robot.hip_position[:, None]
     rotation = rotation_from_quaternion(quaternion)
-    return position[None, None] + matvec(rotation, points), position + matvec(rotation, centre_of_mass(robot, frames))
+    com = centre_of_mass(robot, all_folds(robot, angles)).array()
+    return position[None, None] + matvec(rotation, points), position + matvec(rotation, com)
 
 
 def _extent(walk: Walk, posture: Posture) -> tuple[np.ndarray, np.ndarray]:

@@ -10,18 +10,20 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxleg.conventions import GRAVITY
 from jaxleg.gait.order import STEP_LEGS
 from jaxleg.gait.support import stability_margin
-from jaxleg.leg.dynamics import Motion, all_leg_frames, torques_on_ground
+from jaxleg.leg.dynamics import Motion, all_folds, torques_on_ground
 from jaxleg.leg.energy import motor_power
 from jaxleg.leg.kinematics import Reach, knee_bend, range_slack
+from jaxleg.leg.moving import Moving
 from jaxleg.planner import Limits, Planner
 from jaxleg.posture.body import com_position, joint_angles
 from jaxleg.posture.collision import leg_clearance, trunk_clearance
 from jaxleg.robot import Robot
-from jaxleg.rotations import trunk_rotation
+from jaxleg.rotations import trunk_rows
 from jaxleg.series.tree import CAUSES
 from jaxleg.status import Status
 from jaxleg.terrain.obstacles import Obstacles
 from jaxleg.terrain.site import Site
+from jaxleg.vectors import vector
 from jaxleg.walk.data import Walk
 
 SHIFT_SHARES = (0.2, 0.4, 0.6, 0.8)  # Table 2: five equal parts of the shift, the last of them the swing's start
@@ -94,11 +96,10 @@ def held_still(
     """Torques [N m] of holding a pose, its feet loaded by `weight` (1 standing, 0 in the air), and the vertical forces on the
     feet [N]. Paper A, (1)."""
     angles, _ = joint_angles(robot, pose, feet)
-    up = trunk_rotation(pose[3:])[2]
-    still, none = jnp.zeros_like(angles), jnp.zeros_like(up)
-    motion = Motion(still, still, none, none, GRAVITY * up)
-    torque, force = torques_on_ground(robot, all_leg_frames(robot, angles), motion, weight, up)
-    return torque, jnp.sum(force * up[None], axis=-1)
+    to_world, still, none = trunk_rows(pose[3:]), jnp.zeros_like(angles), vector(jnp.zeros_like(pose[:3]))
+    motion = Motion(still, still, Moving(none, none, to_world.z * jnp.asarray(GRAVITY, pose.dtype)))
+    torque, force = torques_on_ground(robot, all_folds(robot, angles), motion, weight, to_world)
+    return torque, force.z
 
 
 def holding_power(

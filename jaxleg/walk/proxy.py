@@ -20,7 +20,7 @@ from jaxleg.leg.kinematics import Reach
 from jaxleg.robot import Robot
 from jaxleg.status import Status
 from jaxleg.walk.data import PlanChecks, Walk
-from jaxleg.walk.reference import Instant, phase_instant
+from jaxleg.walk.reference import Instant, at_places, phase_instant
 
 BATCH = 512  # instants of a walk worked out together
 # Smooth pieces (start, width, nodes) of a phase; (a, b) is a + b times the share of a swing in which load goes over.
@@ -36,11 +36,11 @@ SWING_PIECES = (  # load off, foot up, foot down, load on
 class Needs(NamedTuple):
     """What constrains a plan at each of many instants, infinite where it is not used; `PlanChecks` tells the least of each."""
 
-    knee_bend: Float[Array, "t leg"]  # [rad]
-    margin: Float[Array, "t 1"]  # of stability [m]
-    torque: Float[Array, "t leg joint"]  # -|torque| over its limit
-    load: Float[Array, "t leg"]  # vertical force of a standing foot over a quarter of the weight
-    joint_room: Float[Array, "t leg"]  # distance of a leg's joints to the ends of their ranges [rad]
+    knee_bend: Float[Array, "leg t"]  # [rad]
+    margin: Float[Array, "t"]  # of stability [m]
+    torque: Float[Array, "leg joint t"]  # -|torque| over its limit
+    load: Float[Array, "leg t"]  # vertical force of a standing foot over a quarter of the weight
+    joint_room: Float[Array, "leg t"]  # distance of a leg's joints to the ends of their ranges [rad]
 
 
 class Proxy(NamedTuple):
@@ -60,34 +60,38 @@ def evaluate(robot: Robot, walk: Walk) -> Proxy:
     power = motor_power(robot, at.torque, at.velocity)
     used = walk.used[phase]
     seconds = jnp.where(used, weight * walk.phases.duration[phase], 0.0)
-    energy = Power(*(jnp.sum(seconds[:, None, None] * p, axis=0) for p in power))
+    energy = Power(*(jnp.sum(seconds[None, None] * p, axis=-1) for p in power))
     time = jnp.sum(jnp.where(walk.used, walk.phases.duration, 0.0))
     needs = needs_at(robot, at, used)
     return Proxy(energy, walk.way, time, needs, checks(robot, walk, at, needs, used))
 
 
 def over_phases(function: Callable[..., Instant], walk: Walk, phase: np.ndarray, share: Float[Array, "n"]) -> Instant:
-    """A function (phase, share) at many places of a walk. Of a long walk some at a time, worked out again for the gradient: the
-    memory is that of `BATCH`."""
-    phases = jax.tree.map(lambda x: x[phase], walk.phases)
+    """A function (phase, share) at many places of a walk, these in the last axis. Of a long walk some at a time, worked out
+    again for the gradient: the memory is that of `BATCH`."""
     if len(phase) <= BATCH:
-        return jax.vmap(function)(phases, share)
-    return jax.lax.map(jax.checkpoint(lambda x: function(*x)), (phases, share), batch_size=BATCH)
+        return function(*at_places(walk.phases, phase, share))
+    chunks = -(-len(phase) // BATCH)
+    size = -(-len(phase) // chunks)
+    place = np.minimum(np.arange(chunks * size), len(phase) - 1).reshape(chunks, size)  # the last one fills up
+    some = jax.checkpoint(lambda x: function(*at_places(walk.phases, *x)))
+    at = jax.lax.map(some, (jnp.asarray(phase[place]), share[place]))
+    return jax.tree.map(lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1)[..., : len(phase)], at)
 
 
 def needs_at(robot: Robot, at: Instant, used: Bool[Array, "t"]) -> Needs:
-    """Knee bend, stability margin and so on at sampled instants (leading axis of `at`), those that are `used`."""
-    feet, loaded = at.feet[..., :2], at.weight > 0.01
-    margin = jax.vmap(stability_margin)(at.com[:, :2], feet, loaded)[:, None]
+    """Knee bend, stability margin and so on at sampled instants (last axis of `at`), those that are `used`."""
+    loaded = at.weight > 0.01
+    margin = stability_margin(at.com[:2], at.feet[:, :2], loaded)
     load = jnp.where(loaded, at.load, jnp.inf) / (0.25 * robot.mass * GRAVITY)
-    needs = Needs(at.bend, margin, -jnp.abs(at.torque) / robot.torque_limit[None], load, at.room)
-    return jax.tree.map(lambda x: jnp.where(used.reshape(-1, *[1] * (x.ndim - 1)), x, jnp.inf), needs)
+    needs = Needs(at.bend, margin, -jnp.abs(at.torque) / robot.torque_limit[..., None], load, at.room)
+    return jax.tree.map(lambda x: jnp.where(jax.lax.broadcast_to_rank(used, x.ndim), x, jnp.inf), needs)
 
 
 def checks(robot: Robot, walk: Walk, at: Instant, needs: Needs, used: Bool[Array, "t"]) -> PlanChecks:
     """The least of all `needs`, and the status of a walk with these instants."""
     bend, margin, torque, load, room = (jnp.min(x) for x in needs)
-    status = _status(robot, walk, jnp.any(used[:, None] & (at.reach != Reach.OK)), margin - torque + load)
+    status = _status(robot, walk, jnp.any(used[None] & (at.reach != Reach.OK)), margin - torque + load)
     return PlanChecks(bend, margin, -torque, load, room, walk.lowering, status)
 
 

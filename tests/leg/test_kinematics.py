@@ -9,25 +9,29 @@ from numpy.testing import assert_allclose
 from jaxleg import rotations
 from jaxleg.leg import kinematics
 from jaxleg.leg.kinematics import Reach
+from jaxleg.leg.plane import fold_of
 from jaxleg.robot.mjcf import robot_mjcf
+from jaxleg.vectors import vector
 
 N = 200
 forward = jax.jit(jax.vmap(kinematics.foot_position))
 inverse = jax.jit(jax.vmap(kinematics.leg_angles))
 slopes = jax.jit(jax.vmap(jax.jacobian(kinematics.foot_position, argnums=2)))
-rotation_from_quaternion, rotation_about, reach_for_bend = (
-    jax.jit(f) for f in (rotations.rotation_from_quaternion, rotations.rotation_about, kinematics.reach_for_bend)
-)
-foot_position, leg_angles, leg_frames, joint_rates, knee_bend = (
+rotation_from_quaternion, reach_for_bend = map(jax.jit, (rotations.rotation_from_quaternion, kinematics.reach_for_bend))
+foot_position, leg_angles, leg_frames, knee_bend = (
     jax.jit(f)
     for f in (
         kinematics.foot_position,
         kinematics.leg_angles,
         kinematics.leg_frames,
-        kinematics.joint_rates,
         kinematics.knee_bend,
     )
 )
+
+
+@jax.jit
+def joint_rates(axis, offset, angles, velocity, acceleration):
+    return kinematics.joint_rates(axis, offset, fold_of(axis, angles), vector(velocity), vector(acceleration))
 
 
 @pytest.fixture(scope="module")
@@ -166,14 +170,13 @@ def test_joint_rates_are_finite_differences(pegasus, leg):
     around = np.stack([[foot(t + k * h) for k in (-1, 0, 1)] for t in times]).reshape(-1, 3)
     q = np.stack([leg_angles(axis, offset, 1.0, place)[0] for place in around]).reshape(3, 3, 3)
     for t, (before, now, after) in zip(times, q):
-        frames = leg_frames(axis, offset, now)
-        velocity, acceleration = joint_rates(frames, rate(t, 1), rate(t, 2))
+        velocity, acceleration = joint_rates(axis, offset, now, rate(t, 1), rate(t, 2))
         assert_allclose(velocity, (after - before) / (2 * h), atol=1e-5)
         assert_allclose(acceleration, (after - 2 * now + before) / h**2, atol=1e-4)
 
 
 def test_joint_rates_are_finite_at_the_stretched_leg(pegasus):
-    rates = joint_rates(leg_frames(*first_leg(pegasus), np.zeros(3)), np.ones(3), np.ones(3))
+    rates = joint_rates(*first_leg(pegasus), np.zeros(3), np.ones(3), np.ones(3))
     assert np.all(np.isfinite(rates))
 
 
@@ -221,13 +224,22 @@ def test_a_target_that_is_not_finite_is_never_reached(pegasus, foot):
     assert status == Reach.NOT_FINITE
 
 
-@pytest.mark.parametrize("axis", [*np.eye(3).tolist(), [0.6, 0.0, -0.8]])
-def test_rotation_about_an_axis_is_that_of_its_quaternion(axis):
-    angle, axis = 0.7, np.array(axis)
-    quaternion = np.array([np.cos(angle / 2), *np.sin(angle / 2) * axis])
-    rotation = np.asarray(rotation_about(axis, angle))
-    assert_allclose(rotation, rotation_from_quaternion(quaternion), atol=1e-12)
-    assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+@pytest.mark.parametrize("knee_sign", [1.0, -1.0])
+def test_the_inverses_posture_is_that_of_its_angles_in_reach_and_beyond(legs, knee_sign):
+    """Cosines and sines without the angles; clamped targets and every sign of the axes included."""
+    axis, offset, foot = legs
+    rng = np.random.default_rng(5)
+    axis, foot = axis * rng.choice([-1.0, 1.0], (N, 3, 1)), foot * rng.uniform(0.3, 1.4, (N, 1))
+
+    @jax.jit
+    @jax.vmap
+    def both(axis, offset, foot):
+        found = kinematics.leg_inverse(axis, offset, knee_sign, vector(foot))
+        return found.fold, fold_of(axis, found.angles), found.reach
+
+    ours, of_angles, status = jax.device_get(both(axis, offset, foot))
+    assert {Reach.OK, Reach.TOO_FAR, Reach.TOO_NEAR} == set(status)
+    assert_allclose(np.stack(jax.tree.leaves(ours)), np.stack(jax.tree.leaves(of_angles)), atol=1e-7)
 
 
 def test_vmap_is_a_stack(legs):

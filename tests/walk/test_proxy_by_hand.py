@@ -31,7 +31,7 @@ def lanes(pegasus):
     def run(status):
         walk = crawl(pegasus, gait(0.47), settings(), TERRAIN, jnp.asarray(OFFSETS), status)
         time, at = instants(pegasus, walk, FINE)
-        return walk, evaluate(pegasus, walk), to_reference(time, at), at
+        return walk, evaluate(pegasus, walk), to_reference(time, at), jax.tree.map(lambda x: jnp.moveaxis(x, -1, 0), at)
 
     walk, *rest = run(CHOICE)
     return in_numpy(walk), *jax.tree.map(np.asarray, rest)
