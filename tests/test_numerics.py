@@ -101,3 +101,17 @@ def test_the_gradient_of_an_exact_sum_is_a_plain_sums():
 
     x = RNG.normal(size=8)
     assert_allclose(jax.jit(jax.grad(total))(x), 2.0 * x, rtol=1e-12)
+
+
+def test_a_part_computes_and_differentiates_as_the_function_itself():
+    def function(x):
+        part = jnp.sin(x) * x
+        return part, jnp.cos(part)
+
+    def slope(f):
+        return jax.jit(jax.vmap(jax.grad(lambda x: jnp.sum(f(x)[0] * f(x)[1]))))
+
+    x = np.linspace(0.1, 2.0, 6).reshape(2, 3)
+    assert_allclose(slope(numerics.apart(function))(x), slope(function)(x), rtol=1e-12)
+    compiled = jax.jit(numerics.apart(function)).lower(x).compile().as_text()
+    assert " call(" in compiled or jax.default_backend() != "cpu"

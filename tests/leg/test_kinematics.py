@@ -175,6 +175,29 @@ def test_joint_rates_are_finite_differences(pegasus, leg):
         assert_allclose(acceleration, (after - 2 * now + before) / h**2, atol=1e-4)
 
 
+def test_joint_rates_give_back_the_motion_of_the_joints(legs):
+    """The foot's velocity and acceleration by differentiating forward kinematics, whatever the axes' signs."""
+    axis, offset, foot = legs
+    rng = np.random.default_rng(6)
+    axis = axis * rng.choice([-1.0, 1.0], (N, 3, 1))
+    angles, status = jax.device_get(inverse(axis, offset, np.ones(N), foot))
+    rate, rate_on = rng.normal(size=(2, N, 3))
+
+    @jax.jit
+    @jax.vmap
+    def back(axis, offset, angles, rate, rate_on):
+        def velocity(angles, rate):
+            return jax.jvp(lambda q: kinematics.foot_position(axis, offset, q), (angles,), (rate,))[1]
+
+        v, a = jax.jvp(velocity, (angles, rate), (rate, rate_on))
+        return joint_rates(axis, offset, angles, v, a)
+
+    ours, ours_on = jax.device_get(back(axis, offset, angles, rate, rate_on))
+    ok = status == Reach.OK
+    assert_allclose(ours[ok], rate[ok], atol=1e-8)
+    assert_allclose(ours_on[ok], rate_on[ok], atol=1e-7)
+
+
 def test_joint_rates_are_finite_at_the_stretched_leg(pegasus):
     rates = joint_rates(*first_leg(pegasus), np.zeros(3), np.ones(3), np.ones(3))
     assert np.all(np.isfinite(rates))

@@ -12,7 +12,7 @@ from jaxleg.leg.energy import CONVENTIONS, electrical, motor_power
 from jaxleg.leg.kinematics import foot_position
 from jaxleg.status import Status
 from jaxleg.walk.proxy import evaluate
-from jaxleg.walk.reference import phase_instant, phase_samples, reference
+from jaxleg.walk.reference import at_places, phase_instant, phase_samples, reference
 from tests.crawls import gait
 
 SAMPLES = (400, 380)
@@ -60,6 +60,17 @@ def test_velocities_are_the_derivatives_of_the_angles(planned, pegasus):
             here, ahead, behind = (instant_at(pegasus, walk, phase, share + k * h) for k in (0, 1, -1))
             seconds = 2 * h * walk.phases.duration[phase]
             np.testing.assert_allclose(np.subtract(ahead.angles, behind.angles) / seconds, here.velocity, atol=1e-5)
+
+
+def test_many_instants_at_once_are_those_one_by_one(planned, pegasus):
+    walk, _ = planned
+    index, share = np.array([0, 1, 3, 5]), jnp.asarray([0.3, 0.05, 0.5, 0.97])
+    many = jax.jit(lambda robot, walk: phase_instant(robot, *at_places(walk.phases, index, share), walk.load_share))
+    together = jax.device_get(many(pegasus, walk))
+    for k, phase in enumerate(index):
+        alone = jax.device_get(instant_at(pegasus, walk, phase, share[k]))
+        for name, one, all_ in zip(alone._fields, alone, together):
+            np.testing.assert_allclose(all_[..., k], one, rtol=1e-9, atol=1e-9, err_msg=name)
 
 
 def test_standing_torques_hold_the_weight(planned, pegasus):
