@@ -12,21 +12,19 @@ from jaxleg.sim.referee import replay
 
 
 def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int) -> Contest:
-    """Replay lanes (contestant by contestant) in C MuJoCo; constraints are those of the plan, their slack as the proxy says."""
-    rows = jnp.asarray(vectors, float)
-    score, _ = lab.proxy_gradients(rows, lanes.site, lanes.setting)
-    tracks = lab.plan_lanes(rows, lanes.site, lanes.setting).reference
-    terrains, tracks = (unstack(jax.tree.map(np.asarray, tree)) for tree in (lanes.site.terrain, tracks))
+    """Replay lanes (contestant by contestant) in C MuJoCo; constraints are those of the plan."""
+    plan = lab.plan_lanes(jnp.asarray(vectors, float), lanes.site, lanes.setting)
+    terrains, tracks = (unstack(jax.tree.map(np.asarray, tree)) for tree in (lanes.site.terrain, plan.reference))
     seen = replay(lab.robot, terrains, tracks, float(lab.ground.friction))
     power = Power(*(jnp.asarray(x) for x in seen.energy))
     total = np.stack([np.asarray(electrical(power, convention)) for convention in CONVENTIONS], axis=-1)
     way = seen.moved[:, :1]
     energy = np.divide(total, way, out=np.full(total.shape, np.nan), where=way != 0.0)  # a fall at once goes nowhere
-    infeasible = ~keeps_limits(score.checks, np.asarray(lanes.setting.least_bend))
-    number = score.energy.dtype
+    infeasible = ~keeps_limits(plan.checks, np.asarray(lanes.setting.least_bend))
+    number = plan.slack.dtype
     fields = (energy, way[:, 0], seen.time, seen.slip, seen.margin)
-    numbers = [np.asarray(x, number) for x in fields] + [score.checks.knee_bend, score.checks.lowering]
-    data = Contest(*numbers, seen.fell, infeasible, score.slack)
+    numbers = [np.asarray(x, number) for x in fields] + [plan.checks.knee_bend, plan.checks.lowering]
+    data = Contest(*numbers, seen.fell, infeasible, plan.slack)
     return Contest(*(x.reshape(contestants, -1, *x.shape[1:]) for x in data))
 
 
