@@ -64,4 +64,4 @@ def walk_reactively(
 
 def _one(at):
     """A reference of one sample."""
-    return to_reference(jnp.zeros(1, at.angles.dtype), jax.tree.map(lambda x: x[None], at))
+    return to_reference(jnp.zeros(1, at.angles.dtype), jax.tree.map(lambda x: x[..., None], at))
