@@ -29,9 +29,9 @@ def setup() -> tuple[Study, Lab]:
     return study, make_lab(study, load_robot(robot_path(study, CONFIG)))
 
 
-def training(study: Study, lab: Lab, kind: str) -> Lanes:
-    """Training lanes of a kind, judged by energy alone (J/m), no margin floor."""
-    site = make_sites(study, lab.robot, kind, held_out=False)
+def training(study: Study, lab: Lab, kind: str, held_out: bool = False) -> Lanes:
+    """Training lanes of a kind, or held-out ones, judged by energy alone (J/m), no margin floor."""
+    site = make_sites(study, lab.robot, kind, held_out)
     return Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
 
 

@@ -18,9 +18,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import tyro
+from cmaes import CMA
 from matplotlib.figure import Figure
 
 from experiments.common import CONFIG, setup, training, write
+from experiments.rivals import by_proxy
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search import descent
 from jaxleg.search.config import Study
@@ -43,6 +45,7 @@ FORMS = {"mirrored": (1, True), "whole": (None, False)}  # half cycles after whi
 NAMES = ("traditional", "ten", *FORMS)
 COLOUR = dict(zip(NAMES, (GREY, BLACK, GREEN, ORANGE)))
 SAMPLES = (24, 24)  # of the picture
+NEAR, STOPPED = 2e-3, 20.0  # of a baseline's energy that CMA-ES may lack; times the descent's time
 
 
 class Task(NamedTuple):
@@ -66,8 +69,8 @@ def main(out: Path | None = None, run: Path | None = None, quick: bool = False) 
     rows: dict[str, Any] = {}
     for kind in ("flat",) if quick else study.kinds:
         task = make_task(study, labs["mirrored"], kind, best, train, steps)
-        vectors, lasted = searched(task, labs)
-        rows[kind] = row(task, labs, vectors, held) | {"search_seconds": lasted}
+        vectors, rivals = searched(task, labs)
+        rows[kind] = row(task, labs, vectors, held) | {"cmaes": rivals}
         write("free_form", out, {"numbers": sizes(labs), "kinds": rows, "quick": quick})
         if kind == "flat":
             draw(task, labs, vectors, folder / "free_form.png")
@@ -103,15 +106,18 @@ def widened(lab: FreeLab, ten: np.ndarray) -> np.ndarray:
     return np.concatenate([ten, np.zeros(len(lab.bounds))]).astype(np.float32)
 
 
-def searched(task: Task, labs: dict[str, FreeLab]) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """The best vector of each search, and its seconds with compiling where it is the first of its lab."""
-    vectors, lasted = {}, {}
+def searched(task: Task, labs: dict[str, FreeLab]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The best vector of each search, and on one terrain CMA-ES beside it."""
+    vectors, rivals = {}, {}
     for name in ("ten", *labs):
-        lab, began = labs[name if name in labs else "mirrored"], time.perf_counter()
+        lab = labs[name if name in labs else "mirrored"]
         begin = widened(lab, task.start) if name != "whole" else on(lab, labs["mirrored"], vectors["mirrored"])
-        vectors[name] = descended(task, lab, begin, free=name in labs)
-        lasted[name] = time.perf_counter() - began
-    return vectors, lasted
+        vectors[name], value = descended(task, lab, begin, free=name in labs)
+        if task.train.number == 1 and name in labs:
+            began = time.process_time()
+            descended(task, lab, widened(lab, task.start), free=True)  # once more, compiled
+            rivals[name] = evolved(task, lab, widened(lab, task.start), value, time.process_time() - began)
+    return vectors, rivals
 
 
 def on(lab: FreeLab, other: FreeLab, vector: np.ndarray) -> np.ndarray:
@@ -120,16 +126,50 @@ def on(lab: FreeLab, other: FreeLab, vector: np.ndarray) -> np.ndarray:
     return np.concatenate([ten, gathered(lab.tie, spread(other.tie, jnp.asarray(form)))]).astype(np.float32)
 
 
-def descended(task: Task, lab: FreeLab, begin: np.ndarray, free: bool) -> np.ndarray:
-    """The best of a descent from a vector on all training terrains at once; the free form's numbers move or stay zero. Feet
-    go aside where every cell is a foothold: a cell's place is not the descent's to choose."""
-    stays = np.array(names_of(lab.tie)) == "aside" if not np.all(task.train.site.valid) else np.zeros(len(lab.bounds), bool)
-    form = np.where(stays[:, None] | (not free), 0.0, lab.bounds)
-    span = descent.ranges(np.concatenate([bounds(task.study, task.kind, "best"), form])[None])
+def descended(task: Task, lab: FreeLab, begin: np.ndarray, free: bool) -> tuple[np.ndarray, float]:
+    """The best of a descent from a vector on all training terrains at once, and its objective."""
+    span = ranges_of(task, lab, free)
     plan = [(task.train.number, 1)]
     best, value = descent.searched(lab, task.train, span, span.scaled(begin)[None], plan, task.steps, Told(task.kind))
     print(f"{task.kind}: {value[0]:.4f} of the baseline", flush=True)
-    return best[0]
+    return best[0], float(value[0])
+
+
+def ranges_of(task: Task, lab: FreeLab, free: bool) -> descent.Ranges:
+    """Ranges of the ten numbers and the form's, which stay zero unless `free`. Feet go aside where every cell is a foothold: a
+    cell's place is not the descent's to choose."""
+    stays = np.array(names_of(lab.tie)) == "aside" if not np.all(task.train.site.valid) else np.zeros(len(lab.bounds), bool)
+    form = np.where(stays[:, None] | (not free), 0.0, lab.bounds)
+    return descent.ranges(np.concatenate([bounds(task.study, task.kind, "best"), form])[None])
+
+
+def evolved(task: Task, lab: FreeLab, begin: np.ndarray, value: float, seconds: float) -> dict[str, Any]:
+    """CMA-ES on the same proxy from the same gait: CPU seconds until it is within `NEAR` of a descent's objective, at most
+    `STOPPED` times the descent's, compilation left out of both."""
+    span, objective, best = ranges_of(task, lab, free=True), by_proxy(lab, task.train), np.inf
+    wide = span.box[0, :, 1] > span.box[0, :, 0]
+    at = np.clip(span.scaled(begin), *span.box[0].T)
+    search = CMA(mean=np.clip(at[wide], 1e-3, 1.0 - 1e-3), sigma=0.05, bounds=np.tile([0.0, 1.0], (int(wide.sum()), 1)), seed=1)
+
+    def vectors(asked: list[np.ndarray]) -> np.ndarray:
+        many = np.tile(at, (len(asked), 1))
+        many[:, wide] = asked
+        return span.vectors(many)
+
+    objective(vectors([at[wide]]))
+    began = time.process_time()
+    while best > value + NEAR and time.process_time() - began < STOPPED * seconds:
+        asked = [search.ask() for _ in range(search.population_size)]
+        values = objective(vectors(asked))
+        search.tell(list(zip(asked, values.tolist())))
+        best = min(best, float(values.min()))
+    lasted = time.process_time() - began
+    print(f"{task.kind}: CMA-ES {best:.4f} after {lasted:.0f} CPU s, a descent's {value:.4f} after {seconds:.1f}", flush=True)
+    return {"numbers": int(wide.sum()), "reached": best <= value + NEAR, "best": best, "value": value} | {
+        "cpu_s": lasted,
+        "descent_cpu_s": seconds,
+        "ratio": lasted / seconds,
+    }
 
 
 class Told(descent.Keep):

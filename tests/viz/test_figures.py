@@ -162,7 +162,7 @@ def test_history(drawn, tmp_path):
     assert has_unit(axes[0].get_ylabel())
     for ax in axes:
         assert has_unit(ax.get_xlabel())
-        assert len(ax.lines) == 2 * len(STAGES) + 1
+        assert len(ax.lines) == 2 * len(STAGES) + 2  # one and only number of terrains
         np.testing.assert_allclose(ax.lines[0].get_ydata(), [1.0, 0.9, 0.8, 0.7])
         assert np.isnan(ax.lines[1].get_ydata()[0])
 
