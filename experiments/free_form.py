@@ -18,18 +18,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import tyro
-from cmaes import CMA
 from matplotlib.figure import Figure
 
 from experiments.common import CONFIG, setup, training, write
-from experiments.rivals import by_proxy
 from jaxleg.leg.energy import CONVENTIONS
-from jaxleg.search import descent
+from jaxleg.search import adam
 from jaxleg.search.config import Study
 from jaxleg.search.contest import Contest, contest, saving, summary
 from jaxleg.search.contestants import baseline, bounds, contestant, planner_of
 from jaxleg.search.free import FreeLab, free_lab
-from jaxleg.search.gauss_newton import Runs
 from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.leaves import read_leaves
 from jaxleg.search.referees import replay_contest
@@ -44,8 +41,8 @@ from jaxleg.walk.reference import reference
 FORMS = {"mirrored": (1, True), "whole": (None, False)}  # half cycles after which the form is alike, and left and right changed
 NAMES = ("traditional", "ten", *FORMS)
 COLOUR = dict(zip(NAMES, (GREY, BLACK, GREEN, ORANGE)))
+RATE = 0.05  # of the descents
 SAMPLES = (24, 24)  # of the picture
-NEAR, STOPPED = 2e-3, 20.0  # of a baseline's energy that CMA-ES may lack; times the descent's time
 
 
 class Task(NamedTuple):
@@ -65,12 +62,12 @@ def main(out: Path | None = None, run: Path | None = None, quick: bool = False) 
     best = None if quick else found(run or folder / "quickstart")
     forms = {"mirrored": FORMS["mirrored"]} if quick else FORMS
     labs = {name: free_lab(lab, *form, move=study.search.move, chunk=4) for name, form in forms.items()}
-    train, held, steps = (1, 1, 8) if quick else (8, 32, 60)
+    train, held, steps = (1, 1, 15) if quick else (8, 32, 600)
     rows: dict[str, Any] = {}
     for kind in ("flat",) if quick else study.kinds:
         task = make_task(study, labs["mirrored"], kind, best, train, steps)
-        vectors, rivals = searched(task, labs)
-        rows[kind] = row(task, labs, vectors, held) | {"cmaes": rivals}
+        vectors, lasted = searched(task, labs)
+        rows[kind] = row(task, labs, vectors, held) | {"search_seconds": lasted}
         write("free_form", out, {"numbers": sizes(labs), "kinds": rows, "quick": quick})
         if kind == "flat":
             draw(task, labs, vectors, folder / "free_form.png")
@@ -106,18 +103,15 @@ def widened(lab: FreeLab, ten: np.ndarray) -> np.ndarray:
     return np.concatenate([ten, np.zeros(len(lab.bounds))]).astype(np.float32)
 
 
-def searched(task: Task, labs: dict[str, FreeLab]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The best vector of each search, and on one terrain CMA-ES beside it."""
-    vectors, rivals = {}, {}
+def searched(task: Task, labs: dict[str, FreeLab]) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """The best vector of each search, and its seconds with compiling where it is the first of its lab."""
+    vectors, lasted = {}, {}
     for name in ("ten", *labs):
-        lab = labs[name if name in labs else "mirrored"]
+        lab, began = labs[name if name in labs else "mirrored"], time.perf_counter()
         begin = widened(lab, task.start) if name != "whole" else on(lab, labs["mirrored"], vectors["mirrored"])
-        vectors[name], value = descended(task, lab, begin, free=name in labs)
-        if task.train.number == 1 and name in labs:
-            began = time.process_time()
-            descended(task, lab, widened(lab, task.start), free=True)  # once more, compiled
-            rivals[name] = evolved(task, lab, widened(lab, task.start), value, time.process_time() - began)
-    return vectors, rivals
+        vectors[name] = descended(task, lab, begin, free=name in labs)
+        lasted[name] = time.perf_counter() - began
+    return vectors, lasted
 
 
 def on(lab: FreeLab, other: FreeLab, vector: np.ndarray) -> np.ndarray:
@@ -126,62 +120,23 @@ def on(lab: FreeLab, other: FreeLab, vector: np.ndarray) -> np.ndarray:
     return np.concatenate([ten, gathered(lab.tie, spread(other.tie, jnp.asarray(form)))]).astype(np.float32)
 
 
-def descended(task: Task, lab: FreeLab, begin: np.ndarray, free: bool) -> tuple[np.ndarray, float]:
-    """The best of a descent from a vector on all training terrains at once, and its objective."""
-    span = ranges_of(task, lab, free)
-    plan = [(task.train.number, 1)]
-    best, value = descent.searched(lab, task.train, span, span.scaled(begin)[None], plan, task.steps, Told(task.kind))
-    print(f"{task.kind}: {value[0]:.4f} of the baseline", flush=True)
-    return best[0], float(value[0])
-
-
-def ranges_of(task: Task, lab: FreeLab, free: bool) -> descent.Ranges:
-    """Ranges of the ten numbers and the form's, which stay zero unless `free`. Feet go aside where every cell is a foothold: a
-    cell's place is not the descent's to choose."""
+def descended(task: Task, lab: FreeLab, begin: np.ndarray, free: bool) -> np.ndarray:
+    """The best of a descent from a vector on all training terrains at once; the free form's numbers move or stay zero. Feet
+    go aside where every cell is a foothold: a cell's place is not the descent's to choose."""
     stays = np.array(names_of(lab.tie)) == "aside" if not np.all(task.train.site.valid) else np.zeros(len(lab.bounds), bool)
     form = np.where(stays[:, None] | (not free), 0.0, lab.bounds)
-    return descent.ranges(np.concatenate([bounds(task.study, task.kind, "best"), form])[None])
-
-
-def evolved(task: Task, lab: FreeLab, begin: np.ndarray, value: float, seconds: float) -> dict[str, Any]:
-    """CMA-ES on the same proxy from the same gait: CPU seconds until it is within `NEAR` of a descent's objective, at most
-    `STOPPED` times the descent's, compilation left out of both."""
-    span, objective, best = ranges_of(task, lab, free=True), by_proxy(lab, task.train), np.inf
-    wide = span.box[0, :, 1] > span.box[0, :, 0]
-    at = np.clip(span.scaled(begin), *span.box[0].T)
-    search = CMA(mean=np.clip(at[wide], 1e-3, 1.0 - 1e-3), sigma=0.05, bounds=np.tile([0.0, 1.0], (int(wide.sum()), 1)), seed=1)
-
-    def vectors(asked: list[np.ndarray]) -> np.ndarray:
-        many = np.tile(at, (len(asked), 1))
-        many[:, wide] = asked
-        return span.vectors(many)
-
-    objective(vectors([at[wide]]))
-    began = time.process_time()
-    while best > value + NEAR and time.process_time() - began < STOPPED * seconds:
-        asked = [search.ask() for _ in range(search.population_size)]
-        values = objective(vectors(asked))
-        search.tell(list(zip(asked, values.tolist())))
-        best = min(best, float(values.min()))
-    lasted = time.process_time() - began
-    print(f"{task.kind}: CMA-ES {best:.4f} after {lasted:.0f} CPU s, a descent's {value:.4f} after {seconds:.1f}", flush=True)
-    return {"numbers": int(wide.sum()), "reached": best <= value + NEAR, "best": best, "value": value} | {
-        "cpu_s": lasted,
-        "descent_cpu_s": seconds,
-        "ratio": lasted / seconds,
-    }
-
-
-class Told(descent.Keep):
-    """Prints every fifth step."""
-
-    def __init__(self, kind: str) -> None:
-        self.kind = kind
-
-    def report(self, number: int, terrains: int, runs: Runs) -> None:
-        """One line."""
-        if runs.steps % 5 == 0:
-            print(f"{self.kind}: step {int(runs.steps)}, {runs.value[0]:.4f} of the baseline", flush=True)
+    span = jnp.asarray(np.concatenate([bounds(task.study, task.kind, "best"), form]), float)[None]
+    optimiser, known = adam.make_optimiser(RATE, task.steps), jnp.asarray(begin)[None]
+    points = adam.start(jax.random.key(task.study.seed), known, span, 1, optimiser)
+    least, best = np.inf, begin
+    while int(points.step) < task.steps:
+        at = np.asarray(adam.bounded(points.free, span))[0]
+        points, objective = adam.descend(lab, task.train, span, points, task.train.number, optimiser)
+        if objective[0] < least:
+            least, best = objective[0], at
+        if int(points.step) % 100 == 0:
+            print(f"{task.kind}: step {int(points.step)}, {least:.4f} of the baseline", flush=True)
+    return best
 
 
 def row(task: Task, labs: dict[str, FreeLab], vectors: dict[str, np.ndarray], held: int) -> dict[str, Any]:

@@ -125,8 +125,12 @@ def evolve(study: Study, kind: str, seed: int, objective: Objective, tell: Tell)
 
 
 def by_proxy(lab: Lab, lanes: Lanes) -> Objective:
-    """The mean objective over the lanes by the proxy alone, without gradient."""
-    value = over_lanes(lambda v, site, setting: lab.proxy(v, site, lab.choose(v, site, setting), setting).objective, lab.chunk)
+    """The mean objective over the lanes by the proxy alone, without gradient; traced once a lab."""
+
+    def lane(vector, site, setting):
+        return lab.proxy(vector, site, lab.choose(vector, site, setting), setting).objective
+
+    value = vars(lab).setdefault("proxy_alone", over_lanes(lane, lab.chunk))
     return lambda vectors: judge(value, vectors, lanes)
 
 

@@ -125,7 +125,8 @@ class Descents:
         """Go there if it is worth it, and learn from it."""
         runs, step, reach = self.runs, self.tried[run] - self.runs.at[run], self.reach[run]
         gain, length = here.value - there.value, np.max(np.abs(step))
-        runs.curvature[run] = bent(runs.curvature[run], step, there.slope - here.slope)
+        if there.value < FAILED:  # beyond reach slopes say nothing
+            runs.curvature[run] = bent(runs.curvature[run], step, there.slope - here.slope)
         if gain > 0.5 * self.promised[run] and length > 0.8 * runs.radius[run]:
             runs.radius[run] = min(2.0 * runs.radius[run], MOST)
         if gain > 0.1 * self.promised[run]:
