@@ -84,14 +84,7 @@ def cog_point(
 def stability_margin(
     com: Float[Array, "2 *n"], feet: Float[Array, "leg 2 *n"], loaded: Bool[Array, "leg *n"]
 ) -> Float[Array, "*n"]:
-    """Distance [m] of the centre of mass inside the hull of the loaded feet, negative outside: the least of `edge_margins`."""
-    return jnp.min(edge_margins(com, feet, loaded), axis=0)
-
-
-def edge_margins(
-    com: Float[Array, "2 *n"], feet: Float[Array, "leg 2 *n"], loaded: Bool[Array, "leg *n"]
-) -> Float[Array, "edge *n"]:
-    """Distance [m] of the centre of mass inside each edge of the hull of the loaded feet; infinite for pairs that are no edge.
+    """Distance [m] of the centre of mass inside the hull of the loaded feet, negative outside.
 
     The loaded feet keep their order round the body, so each edge joins a loaded foot to the next loaded one. Two loaded
     feet give minus the distance to their line; fewer give -1. Many instants at once have axes of their own behind all others.
@@ -103,9 +96,10 @@ def edge_margins(
         ahead, there = jnp.roll(points, -step, axis=0), jnp.roll(on, -step, axis=0)
         edge, arm = ahead - points, com[None] - points
         inside = (edge[:, 1] * arm[:, 0] - edge[:, 0] * arm[:, 1]) / (norm_safe(edge, axis=1) + 1e-9)  # it runs clockwise
-        margins.append(jnp.where(on & there & ~passed, inside, jnp.inf))
+        margins.append(jnp.min(jnp.where(on & there & ~passed, inside, jnp.inf), axis=0))
         passed = passed | there
-    return jnp.where(jnp.sum(loaded, axis=0)[None] >= 2, jnp.concatenate(margins), -1.0)
+    least = jnp.minimum(jnp.minimum(margins[0], margins[1]), margins[2])
+    return jnp.where(jnp.sum(loaded, axis=0) >= 2, least, -1.0)
 
 
 def _cross2(a: Float[Array, "*n 2"], b: Float[Array, "*n 2"]) -> Float[Array, "*n"]:

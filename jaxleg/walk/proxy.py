@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxleg.conventions import GRAVITY
 from jaxleg.gait.order import SHIFT
-from jaxleg.gait.support import edge_margins
+from jaxleg.gait.support import stability_margin
 from jaxleg.leg.energy import Power, motor_power
 from jaxleg.leg.kinematics import Reach
 from jaxleg.robot import Robot
@@ -37,7 +37,7 @@ class Needs(NamedTuple):
     """What constrains a plan at each of many instants, infinite where it is not used; `PlanChecks` tells the least of each."""
 
     knee_bend: Float[Array, "leg t"]  # [rad]
-    margin: Float[Array, "edge t"]  # of stability [m]
+    margin: Float[Array, "t"]  # of stability [m]
     torque: Float[Array, "leg joint t"]  # -|torque| over its limit
     load: Float[Array, "leg t"]  # vertical force of a standing foot over a quarter of the weight
     joint_room: Float[Array, "leg t"]  # distance of a leg's joints to the ends of their ranges [rad]
@@ -82,7 +82,7 @@ def over_phases(function: Callable[..., Instant], walk: Walk, phase: np.ndarray,
 def needs_at(robot: Robot, at: Instant, used: Bool[Array, "t"]) -> Needs:
     """Knee bend, stability margin and so on at sampled instants (last axis of `at`), those that are `used`."""
     loaded = at.weight > 0.01
-    margin = edge_margins(at.com[:2], at.feet[:, :2], loaded)  # a row each: where two are least there is a corner
+    margin = stability_margin(at.com[:2], at.feet[:, :2], loaded)
     load = jnp.where(loaded, at.load, jnp.inf) / (0.25 * robot.mass * GRAVITY)
     needs = Needs(at.bend, margin, -jnp.abs(at.torque) / robot.torque_limit[..., None], load, at.room)
     return jax.tree.map(lambda x: jnp.where(jax.lax.broadcast_to_rank(used, x.ndim), x, jnp.inf), needs)
