@@ -1,9 +1,8 @@
 """Descents that know their corners: several runs in lock step, each in a box, by ask and tell.
 
 Each step goes to the lowest point of a convex model within a trust region: the costs' curvature (BFGS, damped as Powell does)
-and, exactly, the least of the constraints' straight lines. On flat ground ten to twenty steps reach what an evolution strategy
-needs a thousand evaluations for (`experiments/bench_search.py`). The method is the Gauss-Newton (prox-linear) method for
-h(c(x)) with convex h (Lewis & Wright 2016, A proximal method for composite minimization), with a trust region.
+and, exactly, the least of the constraints' straight lines: the Gauss-Newton (prox-linear) method for h(c(x)) with convex h
+(Lewis & Wright 2016, A proximal method for composite minimization), with a trust region. `bench_search` times it.
 """
 
 from typing import NamedTuple
@@ -61,7 +60,8 @@ def _started(at, radius, curvature, steps):
 
 def judged(model: Model, width: np.ndarray) -> Judged:
     """One run's lanes (leading axis) as one model in widths. A lane that cannot be judged costs `FAILED` and has no slope."""
-    usable = np.isfinite(model.cost) & np.isfinite(model.slope).all(axis=1) & np.isfinite(model.slopes).all(axis=(1, 2, 3))
+    usable = np.isfinite(model.cost) & np.isfinite(model.slope).all(axis=1)
+    usable &= np.isfinite(model.rows).all(axis=(1, 2)) & np.isfinite(model.slopes).all(axis=(1, 2, 3))
     lanes, weight = len(usable), 1.0 / len(usable)
     cost, slope, rows, slopes = (np.asarray(x, float)[usable] for x in model[1:])
     fines = fine(np.maximum(-rows.min(axis=2), 0.0)).sum()

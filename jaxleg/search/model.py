@@ -43,8 +43,9 @@ def _lowest(rows, slopes, reach):
     """The `ROWS` rows that may come lowest within the reach."""
     kept = min(ROWS, rows.shape[0])
     may_be = rows - jnp.sum(jnp.abs(slopes) * reach[None], axis=1)
-    index = jax.lax.top_k(-may_be, kept)[1]
-    finite = jnp.isfinite(rows[index])
-    rows, slopes = jnp.where(finite, rows[index], FREE), jnp.where(finite[:, None], slopes[index], 0.0)
+    known = jnp.where(jnp.isnan(may_be), -jnp.inf, may_be)  # what is no number is kept: such a lane cannot be judged
+    index = jax.lax.top_k(-known, kept)[1]
+    free = jnp.isposinf(rows[index])
+    rows, slopes = jnp.where(free, FREE, rows[index]), jnp.where(free[:, None], 0.0, slopes[index])
     missing = ROWS - kept
     return jnp.pad(rows, (0, missing), constant_values=FREE), jnp.pad(slopes, ((0, missing), (0, 0)))

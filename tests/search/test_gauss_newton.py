@@ -75,6 +75,14 @@ def test_the_objective_is_the_mean_over_lanes_and_a_lane_that_fails_is_dear():
     assert_allclose(both.slopes[0, 0], [100.0, 1000.0, 0.0])
 
 
+def test_a_lane_with_a_row_that_is_no_number_cannot_be_judged():
+    sound = lanes(np.array([0.45, 0.85, 0.5]), shift=(0.0, 0.1))
+    rows = sound.rows.copy()
+    rows[1, 0, 0] = np.nan
+    seen = judged(sound._replace(rows=rows), np.ones(3))
+    assert_allclose(seen.value, (2 * 0.15**2 + FAILED) / 2)
+
+
 def test_a_step_that_costs_is_not_taken_and_the_next_is_shorter():
     descents = Descents(begin(np.full((1, 3), 0.9)), whole(1))
     descents.ask()

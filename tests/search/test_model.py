@@ -55,3 +55,13 @@ def test_rows_that_are_none_bind_nothing():
     assert np.all(np.asarray(seen.slopes[1, 1:]) == 0.0)
     assert np.isfinite(seen.rows).all()
     assert np.isfinite(seen.slopes).all()
+
+
+def test_a_row_that_is_no_number_is_not_taken_for_one_that_binds_nothing():
+    def broken(x):
+        seen = parts(x)
+        return seen._replace(rows=(seen.rows[0].at[20].set(jnp.nan), seen.rows[1]))
+
+    seen = jax.jit(lambda x, r: linearised(broken, x, r))(jnp.array([0.2, -1.0]), jnp.array([0.1, 0.1]))
+    assert np.isnan(seen.rows[0]).sum() == 1
+    assert not np.isnan(seen.rows[1]).any()
