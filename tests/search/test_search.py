@@ -25,7 +25,7 @@ from jaxleg.settings import dump, load
 from jaxleg.viz import study as pictures
 
 CONFIG = Path(__file__).parents[2] / "configs/quickstart.toml"
-SHORT = dict(starts=2, lanes=2, steps=2, polish_steps=1, polish_lanes=4, proxy_gaits=8, referee_terrains=3)
+SHORT = dict(starts=2, lanes=2, steps=3, polish_steps=1, polish_lanes=4, proxy_gaits=8, referee_terrains=3)
 SHORT |= dict(resamples=100)
 
 
@@ -162,7 +162,7 @@ BASELINES = {"flat": (1023, 789, 739), "rough": (1049, 805, 756), "stairs": (118
 
 @pytest.mark.parametrize("kind", BASELINES)
 def test_contestants_rank_as_they_must(answer, kind):
-    """In two rounds of two steps the search that moves everything beats those that move less, the traditional gait and the
+    """In two rounds of three steps the search that moves everything beats those that move less, the traditional gait and the
     paper's own, in both engines; implied and the paper's own need less than traditional only by giving up half of the stability
     margin."""
     result, _, _ = answer
@@ -175,7 +175,7 @@ def test_contestants_rank_as_they_must(answer, kind):
         assert result["saving_vs_paper"][engine]["best"][kind]["positive"]["mean"] > 0.05
     margin = {name: result[name][kind]["min_stability_margin"] for name in CONTESTANTS}
     assert max(margin["implied"], margin["paper"]) < 0.6 * margin["traditional"]
-    assert min(margin["best_i"], margin["best_ii"], margin["best"]) > margin["traditional"] - 1e-4  # so short a search
+    assert min(margin["best_i"], margin["best_ii"], margin["best"]) > margin["traditional"]
 
 
 @pytest.mark.parametrize("name", CONTESTANTS)
