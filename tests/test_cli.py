@@ -52,21 +52,24 @@ def config(tmp_path):
         ("[kinds]\n", ["kinds is empty"]),
         ("", ["kinds"]),
         (KIND + "[terrains]\ntrain = 0\n", ["terrains.train", "0", "at least 1"]),
-        (KIND + "[bounds]\n'gait.hip_height' = [0.58, 0.40]\n", ["bounds.gait.hip_height", "[0.58, 0.4]", "lower end"]),
-        (KIND + "[bounds]\ngait.hip_height = [0.5, 0.5]\n", ["bounds.gait.hip_height", "[0.5, 0.5]", "lower end"]),
-        (KIND + "[bounds]\n'gait.hip_height' = [0.20, 0.25]\n", ["bounds.gait.hip_height", "H_COG > L2", "0.26"]),
-        (KIND + "[bounds]\n'gait.hip_height' = 0.5\n", ["bounds.gait.hip_height", "0.5", "a list of 2, each a number"]),
+        (KIND + "[bounds]\n'gait.workspace.high' = [0.58, 0.40]\n", ["bounds.gait.workspace.high", "[0.58, 0.4]", "lower end"]),
+        (KIND + "[bounds]\ngait.workspace.high = [0.5, 0.5]\n", ["bounds.gait.workspace.high", "[0.5, 0.5]", "lower end"]),
+        (KIND + "[bounds]\n'gait.workspace.high' = [0.20, 0.25]\n", ["bounds.gait.workspace.high", "H_COG > L2", "0.26"]),
+        (KIND + "[bounds]\n'gait.workspace.high' = 0.5\n", ["bounds.gait.workspace.high", "0.5", "a list of 2, each a number"]),
         (
-            KIND + "[bounds]\n'gait.hip_height' = [0.59, 0.60]\n",
-            ["constraint (6)", "bounds.gait.hip_height", "step length of at least 0.12", "than 0.109"],
+            KIND + "[bounds]\n'gait.workspace.high' = [0.59, 0.60]\n",
+            ["constraint (6)", "bounds.gait.workspace.high", "step length of at least 0.12", "than 0.109"],
         ),
         (KIND + "[bounds]\n'gait.step_length' = [0.10, 0.14]\n", ["constraint (5)", "search_length", "less than 0.28"]),
         (
-            KIND + "[bounds]\n'gait.hip_height' = [0.55, 0.58]\n[rectangle]\nsearch_length = 0.45\n",
-            ["constraint (7)", "search_length is 0.45", "less than 0.420 at bounds.gait.hip_height"],
+            KIND + "[bounds]\n'gait.workspace.high' = [0.55, 0.58]\n[rectangle]\nsearch_length = 0.45\n",
+            ["constraint (7)", "search_length is 0.45", "less than 0.420 at bounds.gait.workspace.high"],
         ),
-        (KIND + "[bounds]\nhip_height = [0.4, 0.5]\n", ["bounds", "'hip_height'", "did you mean gait.hip_height?"]),
-        (KIND + "[bounds]\nwings = [0.4, 0.5]\n", ["bounds", "'wings'", "there are: gait.hip_height, "]),
+        (
+            KIND + "[bounds]\ngait.workspace.hihg = [0.4, 0.5]\n",
+            ["bounds", "'gait.workspace.hihg'", "did you mean gait.workspace.high?"],
+        ),
+        (KIND + "[bounds]\nwings = [0.4, 0.5]\n", ["bounds", "'wings'", "there are: gait.workspace.behind, "]),
         (KIND + "[bounds]\n'gait.skew' = [0.4, -1.5]\n", ["bounds.gait.skew[1]", "-1.5", "[m], at least -1.0"]),
         (KIND + "[bounds]\n'posture.cog.ratio' = [0.2, 1.5]\n", ["bounds.posture.cog.ratio[1]", "1.5", "at most 1.0"]),
         (KIND + "[bounds]\n'route.heading' = [0.2, 1.5]\n", ["bounds", "'route.heading'", "along +x"]),
@@ -78,7 +81,7 @@ def config(tmp_path):
         (KIND + "[search]\nmove = 'gait.skew'\n", ["search.move", "gait.skew", "a list"]),
         (
             KIND + "[search]\nmove = ['gait.step_length']\n[bounds]\n'gait.step_length' = [0.34, 0.5]\n",
-            ["constraint (6)", "contestants.paper.hip_height 0.5", "at least 0.34", "than 0.332"],
+            ["constraint (6)", "contestants.paper.workspace.high 0.52", "at least 0.34", "than 0.299"],
         ),
         (
             KIND + "[search]\nmove = ['gait.stance_length']\n[bounds]\n'gait.stance_length' = [0.05, 0.6]\n",
@@ -91,8 +94,26 @@ def config(tmp_path):
         (KIND + "[terrains]\nresolution = 0.05\n", ["terrains.resolution", "0.05", "foot", "0.04"]),
         (KIND + "[rectangle]\nsearch_width = 0.01\n", ["terrains.resolution", "search_width", "0.01"]),
         (KIND + "[terrains]\ncells = [12, 52]\n", ["terrains.cells", "12", "rectangle", "0.38"]),
-        (KIND + "[contestants.paper]\nhip_height = 0.7\nfoot_offset = 0.0\nskew = 0.1\n", ["paper.hip_height", "0.7", "0.6"]),
-        (KIND + "[contestants.paper]\nhip_height = 0.5\nfoot_offset = 0.0\nskew = 0.7\n", ["paper.skew", "0.7", "0.6"]),
+        (
+            KIND + "[contestants.paper]\nworkspace = { high = 0.7 }\nfoot_offset = 0.0\nskew = 0.1\n",
+            ["paper.workspace.high", "0.7", "0.6"],
+        ),
+        (
+            KIND + "[contestants.paper]\nworkspace = { high = 0.5 }\nfoot_offset = 0.0\nskew = 0.7\n",
+            ["paper.skew", "0.7", "0.6"],
+        ),
+        (
+            KIND
+            + "[contestants.paper]\nworkspace = { behind = 0.1, ahead = 0.0, high = 0.5 }\nfoot_offset = 0.0\nskew = 0.1\n",
+            ["contestants.paper.workspace: behind is 0.1", "must not exceed ahead, 0"],
+        ),
+        (KIND + "gait.workspace = { low = 0.5 }\n", ["kinds.flat.gait.workspace: low is 0.5", "must not exceed high, 0.48"]),
+        (KIND + "gait.workspace = { ahead = -0.5, low = 0.4 }\n", ["kinds.flat.gait.workspace", "0.64 m", "leg's length, 0.6"]),
+        (
+            KIND + "[search]\nmove = ['gait.workspace.ahead']\n[kinds.flat.gait.workspace]\nbehind = 0.05\n",
+            ["gait.workspace.behind may be 0.05 on flat", "gait.workspace.ahead, 0;"],
+        ),
+        (KIND + "[rectangle]\nsupport = 'always'\n", ["rectangle.support", "always", "stance", "sweep"]),
         (KIND + "[bounds]\n'gait.skew' = [0.0, 0.55]\n", ["bounds.gait.skew", "0.55", "stance_length", "0.5"]),
     ],
 )
