@@ -71,10 +71,26 @@ def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) 
     console.print(f"result.json, best.toml and figures are in {folder.path}")
     for words in failed:
         console.print(f"no picture: {words}", markup=False)
+    empty = empty_workspaces(result)
+    for words in empty:
+        console.print(words)
     usable = any(result[name][kind]["speed"] is not None for name in CONTESTANTS for kind in study.kinds)
     if not usable:
         console.print("no contestant walks on any held-out terrain: each lane is infeasible (unfit) or fell")
-    return 0 if usable else EXIT_INFEASIBLE
+    return 0 if usable and not empty else EXIT_INFEASIBLE
+
+
+def empty_workspaces(result: dict[str, Any]) -> list[str]:
+    """A sentence on each workspace that four footholds together fit on no held-out terrain."""
+    lines = []
+    for name, kinds in result["workspace"].items():
+        for kind, seen in kinds.items():
+            bounds = {end: bound for end, bound in seen["bounds"].items() if end != "high" and bound is not None}
+            together = (seen["found"]["nominal"], seen["found"]["widened"])
+            if bounds and together == (0.0, 0.0):
+                words = ", ".join(f"{end} {bound:g}" for end, bound in bounds.items())
+                lines.append(f"{kind}: on no held-out terrain do four feet of {name} fit its workspace together ({words} m)")
+    return lines
 
 
 def draw(study: Any, robot: Any, result: dict[str, Any], folder: Any) -> list[str]:

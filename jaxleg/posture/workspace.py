@@ -5,8 +5,9 @@ in the one after that the foot lifts. Two readings (A5, A11): `stance` asks of t
 carries the trunk, that the foot is inside; `sweep` of all, lifting included. A foot sweeps one step length in all of its
 support, so that under `sweep` a workspace as long as the step, as the paper's is, allows no foot to step further than that.
 
-L_F2H is each foot's own. H_COG is the trunk's, the hips above the mean foot height, as the planner of the centre of gravity
-has it: on rough ground four feet under one trunk never all stand within a few centimetres of height.
+A foot is a disc (A9), and inside while the disc reaches in: the paper's own gait lands its feet right on the bound, where on
+rough ground a millimetre would decide. L_F2H is each foot's own. H_COG is the trunk's, the hips above the mean foot height, as
+the planner of the centre of gravity has it: under one trunk, four feet on rough ground seldom stand within centimetres.
 """
 
 from typing import NamedTuple
@@ -20,7 +21,7 @@ from jaxleg.numerics import matvec
 from jaxleg.robot import Robot
 from jaxleg.rotations import to_heading, trunk_rotation
 
-ROUNDING = 1e-4  # a foot is inside down to this much beyond a bound [m]
+ROUNDING = 1e-4  # a foot is inside down to this much beyond [m]
 
 
 def feet_ahead(robot: Robot, pose: Float[Array, "6"], feet: Float[Array, "leg 3"]) -> Float[Array, "leg"]:
@@ -55,10 +56,10 @@ def stood(
     return Stood(ahead, hips_above(robot, pose, 0.5 * (before + after)), jnp.stack(asked))
 
 
-def room(gait: GaitParams, seen: Stood) -> Float[Array, "when leg"]:
-    """How far inside the workspace each foot stands [m]; negative: outside. Infinite where nothing binds it."""
+def room(robot: Robot, gait: GaitParams, seen: Stood) -> Float[Array, "when leg"]:
+    """How far the disc of each foot reaches into the workspace [m]; negative: outside. Infinite where nothing binds it."""
     space = gait.workspace
-    own = jnp.minimum(seen.ahead - space.behind, space.ahead - seen.ahead)
+    own = jnp.minimum(seen.ahead - space.behind, space.ahead - seen.ahead) + robot.foot_radius
     return jnp.where(seen.asked, jnp.minimum(own, seen.above - space.low), jnp.inf)
 
 
@@ -89,5 +90,5 @@ def _side_room(robot, gait, posture, leg, before, after, yaw):
     """The same of the poses in which the hind leg `leg` swings, and with it the front one of its side."""
     leg = jnp.asarray(leg)
     pose = posture.sketch(gait, before, after, leg, yaw)
-    of_side = jax.vmap(lambda leg: room(gait, stood(robot, gait, pose, before, after, leg)))
+    of_side = jax.vmap(lambda leg: room(robot, gait, stood(robot, gait, pose, before, after, leg)))
     return jnp.min(of_side(jnp.stack([leg, leg - 2])))

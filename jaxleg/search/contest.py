@@ -5,15 +5,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.leg.energy import CONVENTIONS
+from jaxleg.leg.workspace import Workspace
 from jaxleg.search.lanes import CONSTRAINTS, Score
 from jaxleg.sim.meters import Meters
 from jaxleg.status import Status
 from jaxleg.walk.data import PlanChecks
 
 BEND_SLACK = np.deg2rad(0.2)  # a knee bend or a joint's range counts as kept down to this much beyond the limit
-BINDING = (np.deg2rad(0.5), 0.005, 0.05, 0.05, np.deg2rad(0.5), 0.01, 0.01, 0.01, 0.005)
-ACTIVE = dict(zip(CONSTRAINTS, BINDING))  # slack that counts as binding
+BINDING = (np.deg2rad(0.5), 0.005, 0.05, 0.05, np.deg2rad(0.5), 0.005, 0.01, 0.01, 0.01, 0.005)
+ACTIVE = dict(zip(CONSTRAINTS, BINDING, strict=True))  # slack that counts as binding
 
 
 class Contest(NamedTuple):
@@ -26,7 +28,9 @@ class Contest(NamedTuple):
     margin: np.ndarray  # least stability margin in simulation [m]
     bend: np.ndarray  # least knee bend [rad]
     lowering: np.ndarray  # [m]
-    inside: np.ndarray  # share of the feet's places that are inside the workspace
+    used: np.ndarray  # smallest workspace that the feet stood in (behind, ahead, low, high), last axis [m]
+    inside: np.ndarray  # share of the feet's places that are inside their own
+    found: np.ndarray  # share of the footholds by `FootholdStatus`, last axis
     fell: np.ndarray
     infeasible: np.ndarray  # not plannable, or the knee bend or a joint's range not kept
     slack: np.ndarray  # by constraint, last axis
@@ -47,7 +51,9 @@ def contest(score: Score, meters: Meters, least_bend: np.ndarray, contestants: i
         margin=meters.margin,
         bend=score.checks.knee_bend,
         lowering=score.checks.lowering,
+        used=np.stack(score.checks.used, axis=-1),
         inside=score.checks.inside,
+        found=score.checks.found,
         fell=meters.fell,
         infeasible=~keeps_limits(score.checks, least_bend),
         slack=score.slack,
@@ -122,9 +128,28 @@ def summary(
         "min_stability_margin": _least(held.margin[i, on]),
         "min_knee_bend_deg": _least(np.rad2deg(held.bend[i, on])),
         "lowering": _mean(held.lowering[i, on]),
-        "inside": _mean(held.inside[i, on]),
         "slip": _mean(held.slip[i, on]),
     }
+
+
+def workspace(held: Contest, i: int, params: Mapping[str, float | None]) -> dict[str, Any]:
+    """A contestant's workspace on one kind of terrain, for `result.json`: its bounds, the one that its feet used, how far they
+    were inside and how the footholds were found, over the lanes that it walks."""
+    on = held.usable[i]
+    ends = dict(zip(Workspace._fields, held.used[i, on].T))
+    most = {"behind": np.min, "ahead": np.max, "low": np.min, "high": np.max}
+    return {
+        "bounds": {name: params[f"workspace.{name}"] for name in ends},
+        "used": {name: float(most[name](values)) if len(values) else None for name, values in ends.items()},
+        "inside": _mean(held.inside[i, on]),
+        "found": {status.name.lower(): _mean(held.found[i, on, status]) for status in FootholdStatus},
+    }
+
+
+def failures(held: Contest, i: int) -> dict[str, float]:
+    """Shares of a contestant's lanes that fell, and that could not be walked at all."""
+    infeasible = held.infeasible[i]
+    return {"fell": float((held.fell[i] & ~infeasible).mean()), "infeasible": float(infeasible.mean())}
 
 
 def active_constraints(held: Contest, i: int, params: Mapping[str, Any], bounds: Mapping[str, Sequence[float]]) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from jaxleg.about import about
 from jaxleg.robot import Robot
 from jaxleg.search.config import Study
-from jaxleg.search.contest import active_constraints, nested, savings, summary
+from jaxleg.search.contest import active_constraints, failures, nested, savings, summary, workspace
 from jaxleg.search.contestants import BASELINES, CONTESTANTS, STAGES, bounds, contestants, numbers, short_name
 from jaxleg.search.lanes import CYCLES
 from jaxleg.search.run import Report, Run
@@ -59,6 +59,11 @@ def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -
     def spans(kind: str, name: str) -> dict[str, list[float]]:
         return dict(zip(map(short_name, study.search.move), bounds(study, kind, name).tolist()))
 
+    lost = {kind: {name: failures(held[kind], i) for i, name in enumerate(CONTESTANTS)} for kind in state.kinds}
+    space = {
+        kind: {name: workspace(held[kind], i, params[kind][i]) for i, name in enumerate(CONTESTANTS)} for kind in state.kinds
+    }
+
     active = {
         kind: {
             name: active_constraints(held[kind], i, params[kind][i], spans(kind, name))
@@ -92,6 +97,8 @@ def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -
         "saving_vs_paper": against("paper"),
         "referee": nested(refereed),
         "active_constraints": nested(active),
+        "workspace": nested(space),
+        "failures": nested(lost),
         "bounds": {kind: spans(kind, "best") for kind in state.kinds},
         "proxy": proxy,
         "power": study.power,

@@ -52,8 +52,8 @@ def with_margin_slack(seen: Contest, margin: np.ndarray) -> Contest:
 def empty_contest(count: int, lanes: int) -> Contest:
     """A contest of the right shapes and types, to load a saved one into."""
     number, flag = np.zeros((count, lanes), np.asarray(jnp.zeros((), float)).dtype), np.zeros((count, lanes), bool)
-    by_convention, by_constraint = (np.zeros((count, lanes, n), number.dtype) for n in (3, len(CONSTRAINTS)))
-    return Contest(by_convention, number, number, number, number, number, number, number, flag, flag, by_constraint)
+    three, four, by_constraint = (np.zeros((count, lanes, n), number.dtype) for n in (3, 4, len(CONSTRAINTS)))
+    return Contest(three, number, number, number, number, number, number, four, number, four, flag, flag, by_constraint)
 
 
 def check_proxy(state: Run) -> dict[str, Any]:

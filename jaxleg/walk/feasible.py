@@ -88,7 +88,7 @@ def feasible(
         (touched[1] | (jnp.min(seen.trunk) < 0.0), Status.COLLISION),
         (jnp.any(jnp.abs(torque) > robot.torque_limit), Status.TORQUE),
         (jnp.any((load < 0.0) & ~swinging[0]), Status.LOAD),
-        (~jnp.all(inside(room(planner.gait, under))), Status.WORKSPACE),
+        (~jnp.all(inside(room(robot, planner.gait, under))), Status.WORKSPACE),
     ]
     return jnp.select([bad for bad, _ in causes], [cause for _, cause in causes], Status.OK).astype(jnp.int32)
 

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.gait.order import STEP_LEGS
 from jaxleg.leg.workspace import Workspace
 from jaxleg.posture.workspace import Stood, inside, room, stood
@@ -22,13 +23,26 @@ def steps_stood(robot: Robot, walk: Walk) -> Stood:
     return seen._replace(asked=seen.asked & walked[:, None, None])
 
 
+def rooms(robot: Robot, walk: Walk, seen: Stood) -> Float[Array, "step when leg"]:
+    """How far inside its workspace each foot of `steps_stood` is [m]; infinite where none is asked or nothing binds."""
+    return jax.vmap(lambda at: room(robot, walk.gait, at))(seen)
+
+
 def stood_in(robot: Robot, walk: Walk) -> tuple[Workspace, Float[Array, ""]]:
     """The smallest workspace that all places lie in that are asked, and which share of them is inside the gait's own."""
     seen = steps_stood(robot, walk)
     above = jnp.broadcast_to(seen.above[:, None, None], seen.asked.shape)
-    spans = [
-        (jnp.min(jnp.where(seen.asked, x, jnp.inf)), jnp.max(jnp.where(seen.asked, x, -jnp.inf))) for x in (seen.ahead, above)
-    ]
-    within = seen.asked & inside(jax.vmap(lambda at: room(walk.gait, at))(seen))
+    least, most = ([_end(x, seen.asked, sign) for x in (seen.ahead, above)] for sign in (1.0, -1.0))
+    within = seen.asked & inside(rooms(robot, walk, seen))
     share = jnp.sum(within, dtype=above.dtype) / jnp.maximum(jnp.sum(seen.asked, dtype=above.dtype), 1.0)
-    return Workspace(*spans[0], *spans[1]), share
+    return Workspace(least[0], most[0], least[1], most[1]), share
+
+
+def _end(values, asked, sign):
+    """Least (sign 1) or greatest (-1) of the values that are asked."""
+    return sign * jnp.min(jnp.where(asked, sign * values, jnp.inf))
+
+
+def found_so(walk: Walk) -> Float[Array, "status"]:
+    """Share of a walk's footholds by how they were found, in the order of `FootholdStatus`."""
+    return jnp.stack([jnp.mean((walk.found == status).astype(walk.way.dtype)) for status in FootholdStatus])

@@ -5,7 +5,18 @@ import numpy as np
 import pytest
 
 from jaxleg.search import contest as contests
-from jaxleg.search.contest import ACTIVE, Contest, active_constraints, bootstrap, keeps_limits, nested, savings, summary
+from jaxleg.search.contest import (
+    ACTIVE,
+    Contest,
+    active_constraints,
+    bootstrap,
+    failures,
+    keeps_limits,
+    nested,
+    savings,
+    summary,
+    workspace,
+)
 from jaxleg.search.lanes import CONSTRAINTS, SCALES, Score, penalty
 from jaxleg.sim.meters import Meters
 from jaxleg.status import Status
@@ -20,7 +31,7 @@ def contest(energy, fell=None, infeasible=None, slack=None):
     by_constraint = np.full((*energy.shape, len(CONSTRAINTS)), 1.0) if slack is None else slack
     return Contest(
         np.stack([energy, 2 * energy, 3 * energy], axis=-1),
-        *(zero, zero, zero, zero, zero, zero, zero),
+        *(zero, zero, zero, zero, zero, zero, np.zeros((*energy.shape, 4)), zero, np.zeros((*energy.shape, 4))),
         no if fell is None else np.asarray(fell),
         no if infeasible is None else np.asarray(infeasible),
         by_constraint,
@@ -72,7 +83,9 @@ def test_what_binds_is_named():
 
 def test_a_plan_beyond_a_joints_range_is_infeasible_and_punished():
     """A robot with knees from 48 degrees on that is given 20: 28 units of a degree."""
-    checks = PlanChecks(*map(np.asarray, (np.deg2rad(20.0), 0.1, 0.5, 1.0, np.deg2rad(-28.0), 0.0, None, 1.0, Status.OK)))
+    checks = PlanChecks(
+        *map(np.asarray, (np.deg2rad(20.0), 0.1, 0.5, 1.0, np.deg2rad(-28.0), 1.0, 0.0, None, 1.0, None, Status.OK))
+    )
     assert not keeps_limits(checks, np.deg2rad(20.0))
     assert keeps_limits(checks._replace(joint_room=np.asarray(np.deg2rad(-0.1))), np.deg2rad(20.0))
     assert not keeps_limits(checks._replace(joint_room=np.asarray(np.nan)), np.deg2rad(20.0))
@@ -93,7 +106,9 @@ def test_one_contestants_figures_by_hand():
         margin=rows(0.08, 0.06, -1.0, -1.0),
         bend=np.deg2rad(rows(40.0, 35.0, 1.0, 1.0)),
         lowering=rows(0.0, 0.02, 9.0, 9.0),
+        used=np.stack([rows(-0.1, -0.2, -9, -9), rows(0.1, 0.0, 9, 9), rows(0.45, 0.46, 0, 0), rows(0.5, 0.52, 9, 9)], axis=-1),
         inside=rows(1.0, 0.5, 9.0, 9.0),
+        found=np.stack([rows(1.0, 0.5, 0, 0), rows(0.0, 0.1, 0, 0), rows(0.0, 0.4, 0, 0), rows(0, 0, 1, 1)], axis=-1),
         fell=np.array([[False, False, True, False]]),
         infeasible=np.array([[False, False, False, True]]),
         slack=np.ones((1, 4, len(CONSTRAINTS))),
@@ -107,7 +122,13 @@ def test_one_contestants_figures_by_hand():
     assert (seen["lanes"], seen["falls"], seen["infeasible"]) == (4, 1, 1)
     assert (seen["min_stability_margin"], seen["min_knee_bend_deg"]) == (0.06, pytest.approx(35.0))
     assert (seen["lowering"], seen["slip"]) == (pytest.approx(0.01), pytest.approx(0.02))
-    assert seen["inside"] == pytest.approx(0.75)
+    bounds = {f"workspace.{name}": x for name, x in zip(("behind", "ahead", "low", "high"), (None, 0.1, None, 0.5))}
+    space = workspace(held, 0, bounds)
+    assert space["bounds"] == {"behind": None, "ahead": 0.1, "low": None, "high": 0.5}
+    assert space["used"] == {"behind": -0.2, "ahead": 0.1, "low": 0.45, "high": 0.52}
+    assert space["inside"] == pytest.approx(0.75)
+    assert list(space["found"].values()) == pytest.approx([0.75, 0.05, 0.2, 0.0])
+    assert failures(held, 0) == {"fell": 0.25, "infeasible": 0.25}
     assert seen["params"] == {"skew": 0.1}
 
 
@@ -116,7 +137,8 @@ def test_lanes_are_arranged_by_contestant_and_judged():
     number, three = np.arange(6.0), np.arange(18.0).reshape(6, 3)
     bend = np.deg2rad([20.0, 19.85, 19.7, 30.0, 30.0, 30.0])
     status = np.where(np.arange(6) == 4, Status.NO_FOOTHOLD, Status.OK)
-    checks = PlanChecks(bend, number, number, number, np.ones(6), number + 0.5, None, number / 6.0, status)
+    six, used = np.ones(6), [number] * 4
+    checks = PlanChecks(bend, number, number, number, six, six, number + 0.5, used, number / 6.0, np.ones((6, 4)), status)
     fell = np.arange(6) == 1
     moved, slip = np.stack([number, 0.1 * number], 1), np.stack([number] * 4, 1) * np.arange(4)
     meters = Meters(None, moved, 2 * number, slip, number, 3 * number, number, fell)

@@ -19,16 +19,18 @@ from jaxleg.walk.presets import paper_a
 from tests.stand_ins import StandInLab
 
 DEGREE = np.pi / 180.0
-UNITS = dict(zip(CONSTRAINTS, (DEGREE, 0.01, 0.05, 0.1, DEGREE, 0.01, 0.01, 0.01, 0.01)))  # what costs a baseline's energy
+UNITS = dict(zip(CONSTRAINTS, (DEGREE, 0.01, 0.05, 0.1, DEGREE, *[0.01] * 5)))  # what costs a baseline's energy
 CHECKS = PlanChecks(
     knee_bend=jnp.asarray(0.5),
     margin=jnp.asarray(0.07),
     torque_ratio=jnp.asarray(0.8),
     load=jnp.asarray(0.30),
     joint_room=jnp.asarray(0.4),
+    room=jnp.asarray(0.015),
     lowering=jnp.asarray(0.02),
     used=up_to(jnp.asarray(0.5)),
     inside=jnp.asarray(1.0),
+    found=jnp.array([1.0, 0.0, 0.0, 0.0]),
     status=jnp.asarray(Status.OK),
 )
 GAIT = GaitParams(up_to(jnp.asarray(0.5)), *(jnp.asarray(x) for x in (-0.1, 0.1, 0.2, 0.62, 0.36, 0.08, 0.45, 0.5, 0.1)))
@@ -48,6 +50,7 @@ def test_every_slack_by_hand(pegasus):
         "torque": 0.2,
         "load": 0.25,
         "joint_range": 0.4,
+        "workspace": 0.015,
         "search_behind": 0.1,
         "step_reach": half - 0.2,
         "search_reach": 2.0 * half - 0.1 - 0.3,

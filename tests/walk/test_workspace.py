@@ -31,12 +31,13 @@ from tests.crawls import gait
 
 GRID = Grid(101, 101, 0.02, (-1.0, -1.0))
 BOX = (0.30, 0.08, 0.08, 0.5)
-STEP, HIGH = 0.2, 0.48
+STEP, HIGH, RADIUS = 0.2, 0.48, 0.02  # the foot's disc, which only has to reach into the workspace
 LEFT, RIGHT = (0, 2), (1, 3)
 
 
 def crawler(space, heading=0.0, support="stance", centre=-0.1, high=HIGH, low=0.3):
-    """Paper A's planner with a workspace from and to (L_F2H) [m]."""
+    """Paper A's planner with a workspace such that L_F2H of a foot's centre may be from and to [m]."""
+    space = (space[0] + RADIUS, space[1] - RADIUS)
     rectangle = SearchRectangle(*(jnp.asarray(x) for x in (*BOX, heading)))
     own = dataclasses.replace(gait(high, centre, step=STEP, length=0.6), support=support)
     own = dataclasses.replace(own, workspace=Workspace(*(jnp.asarray(x) for x in (*space, low, high))))
