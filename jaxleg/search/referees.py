@@ -8,14 +8,16 @@ from jaxleg.leg.energy import CONVENTIONS, Power, electrical
 from jaxleg.search.contest import Contest, keeps_limits
 from jaxleg.search.lanes import Lab
 from jaxleg.search.training import Lanes
-from jaxleg.sim.referee import replay
+from jaxleg.search.worlds import everywhere
+from jaxleg.sim.referee import replay_each
 
 
 def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int) -> Contest:
     """Replay lanes (contestant by contestant) in C MuJoCo; constraints are those of the plan."""
     plan = lab.plan_lanes(jnp.asarray(vectors, float), lanes.site, lanes.setting)
-    terrains, tracks = (unstack(jax.tree.map(np.asarray, tree)) for tree in (lanes.site.terrain, plan.reference))
-    seen = replay(lab.robot, terrains, tracks, float(lab.ground.friction))
+    robot, ground, terrain = lanes.truth or (*everywhere((lab.robot, lab.ground), len(vectors)), lanes.site.terrain)
+    alone = (unstack(jax.tree.map(np.asarray, tree)) for tree in (robot, terrain, plan.reference, ground.friction))
+    seen = replay_each(*alone)
     power = Power(*(jnp.asarray(x) for x in seen.energy))
     total = np.stack([np.asarray(electrical(power, convention)) for convention in CONVENTIONS], axis=-1)
     way = seen.moved[:, :1]
