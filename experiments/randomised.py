@@ -1,8 +1,8 @@
 """Do the savings stand where robots and grounds differ from what the planner knows?
 
 The contestants of a finished quickstart once more on randomised lanes: all masses +-5 %, the trunk's centre of mass +-2 cm along
-each axis, friction 0.5 to 1.0, stiffness and velocity gain +-10 %, the planner's map noisy by 1 cm (standard deviation, each
-cell by itself). Every contestant meets the same worlds. The claim: against `traditional` the interval of the saving of `best`
+each axis, friction 0.5 to 1.0, stiffness and velocity gain +-10 %, the planner's map wrong by up to 1 cm, each cell by itself;
+all uniform. Every contestant meets the same worlds. The claim: against `traditional` the interval of the saving of `best`
 excludes zero on every kind of terrain, under each power convention, in our simulation and in C MuJoCo, and of the lanes of
 these two at most 1 % fall. Exit status 1 where it is missed.
 

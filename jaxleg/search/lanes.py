@@ -25,7 +25,7 @@ from jaxleg.search.config import EngineName
 from jaxleg.search.leaves import read_leaves, with_leaves
 from jaxleg.search.model import Model, linearised
 from jaxleg.search.penalty import fine
-from jaxleg.search.worlds import Truth
+from jaxleg.search.worlds import Truth, set_down
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
 from jaxleg.sim.legged import legged_engine
@@ -172,7 +172,8 @@ class Lab:
         constraints are those of the plan."""
         engine = self.engine if truth is None else legged_engine(truth.robot)
         robot, ground, terrain = truth or (self.robot, self.ground, site.terrain)
-        meters = simulate(engine, robot, ground, terrain, plan.reference, self.steps)
+        track = plan.reference if truth is None else set_down(plan.reference, site.terrain, terrain)
+        meters = simulate(engine, robot, ground, terrain, track, self.steps)
         energy = per_metre(meters.energy, meters.moved[0])
         objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(plan.slack)
         return Score(objective, energy, plan.slack, plan.checks), meters

@@ -8,7 +8,7 @@ from jaxleg.leg.energy import CONVENTIONS, Power, electrical
 from jaxleg.search.contest import Contest, keeps_limits
 from jaxleg.search.lanes import Lab
 from jaxleg.search.training import Lanes
-from jaxleg.search.worlds import everywhere
+from jaxleg.search.worlds import everywhere, set_down
 from jaxleg.sim.referee import replay_each
 
 
@@ -16,7 +16,8 @@ def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int
     """Replay lanes (contestant by contestant) in C MuJoCo; constraints are those of the plan."""
     plan = lab.plan_lanes(jnp.asarray(vectors, float), lanes.site, lanes.setting)
     robot, ground, terrain = lanes.truth or (*everywhere((lab.robot, lab.ground), len(vectors)), lanes.site.terrain)
-    alone = (unstack(jax.tree.map(np.asarray, tree)) for tree in (robot, terrain, plan.reference, ground.friction))
+    tracks = jax.vmap(set_down)(plan.reference, lanes.site.terrain, terrain)
+    alone = (unstack(jax.tree.map(np.asarray, tree)) for tree in (robot, terrain, tracks, ground.friction))
     seen = replay_each(*alone)
     power = Power(*(jnp.asarray(x) for x in seen.energy))
     total = np.stack([np.asarray(electrical(power, convention)) for convention in CONVENTIONS], axis=-1)

@@ -20,8 +20,9 @@ from jaxleg.search.config import Randomise, Study
 from jaxleg.search.sites import make_sites, share, sites_on
 from jaxleg.sim.contact import Ground
 from jaxleg.terrain.generators import terrain_keys
-from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.terrain.heightmap import HeightMap, height
 from jaxleg.terrain.site import Site
+from jaxleg.walk.data import Reference
 
 MASSES = ("trunk_mass", "trunk_inertia", "link_mass", "link_inertia")
 FIRST_KEY = 300  # of the first kind's lanes: below it are those of terrains, starts and random gaits
@@ -59,7 +60,7 @@ def worlds(ranges: Randomise, robot: Robot, ground: Ground, terrain: HeightMap, 
 def _world(ranges: Randomise, robot: Robot, ground: Ground, terrain: HeightMap, key: Array) -> tuple[Truth, HeightMap]:
     of_robot, of_ground, of_map = jax.random.split(key, 3)
     friction = jax.random.uniform(of_ground, (), float, *ranges.friction)
-    noise = ranges.map_noise * jax.random.normal(of_map, terrain.elevation.shape, float)
+    noise = ranges.map_noise * jax.random.uniform(of_map, terrain.elevation.shape, float, -1.0, 1.0)
     truth = Truth(_robot(ranges, robot, of_robot), everywhere(ground)._replace(friction=friction), terrain)
     return truth, dataclasses.replace(terrain, elevation=terrain.elevation + noise)
 
@@ -72,6 +73,16 @@ def _robot(ranges: Randomise, robot: Robot, key: Array) -> Robot:
     changed["stiffness"] = (1.0 + ranges.gains * stiffness) * robot.stiffness
     changed["velocity_gain"] = (1.0 + ranges.gains * velocity_gain) * robot.velocity_gain
     return dataclasses.replace(robot, **changed)
+
+
+def set_down(reference: Reference, seen: HeightMap, true: HeightMap) -> Reference:
+    """A reference of one lane, planned on the map as seen, its start so high that the first foot just touches the true ground:
+    one that began inside the ground would be thrown out of it."""
+    feet = reference.foot_pos[0, :, :2]
+    above = jax.vmap(height, in_axes=(None, 0))
+    lift = jnp.max(above(true, feet) - above(seen, feet))
+    up = lift * jnp.array([0.0, 0.0, 1.0], lift.dtype)
+    return reference._replace(trunk_pos=reference.trunk_pos.at[0].add(up))
 
 
 def everywhere(tree: Any, *count: int) -> Any:
