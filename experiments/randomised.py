@@ -1,10 +1,10 @@
 """Do the savings stand where robots and grounds differ from what the planner knows?
 
-The contestants of a finished quickstart once more on randomised lanes: all masses +-5 %, the trunk's centre of mass +-2 cm along
-each axis, friction 0.5 to 1.0, stiffness and velocity gain +-10 %, the planner's map wrong by up to 1 cm, each cell by itself;
-all uniform. Every contestant meets the same worlds. The claim: against `traditional` the interval of the saving of `best`
-excludes zero on every kind of terrain, under each power convention, in our simulation and in C MuJoCo, and of the lanes of
-these two at most 1 % fall. Exit status 1 where it is missed.
+The contestants of a finished quickstart once more on randomised lanes: all masses +-5 %, the trunk's centre of mass +-2 cm
+along each axis, friction 0.5 to 1.0, stiffness and velocity gain +-10 %, the planner's map wrong by up to 1 cm, each cell by
+itself; all uniform. Every contestant meets the same worlds. The claim: against `traditional` the interval of the saving of
+`best` excludes zero on every kind of terrain, under each power convention, in our simulation and in C MuJoCo, and of the lanes
+of these two at most 1 % fall. Exit status 1 where it is missed.
 
     python -m experiments.randomised [--run runs/quickstart] [--lanes 32] [--quick]
 """
@@ -34,9 +34,7 @@ MOST_FALLS = 0.01  # of the lanes
 PAIR = ("traditional", "best")
 
 
-def main(
-    run: Path = Path("runs/quickstart"), lanes: int = 32, out: Path | None = None, quick: bool = False
-) -> bool:
+def main(run: Path = Path("runs/quickstart"), lanes: int = 32, out: Path | None = None, quick: bool = False) -> bool:
     """Compare on so many lanes of each kind (4 with `quick`), a third of them in C MuJoCo; returns whether the claim holds."""
     configure_jax()
     result = finished(run / "result.json")

@@ -7,7 +7,7 @@ same, and so they do in a study of more lanes.
 
 import dataclasses
 import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -59,9 +59,10 @@ def worlds(ranges: Randomise, robot: Robot, ground: Ground, terrain: HeightMap, 
 
 def _world(ranges: Randomise, robot: Robot, ground: Ground, terrain: HeightMap, key: Array) -> tuple[Truth, HeightMap]:
     of_robot, of_ground, of_map = jax.random.split(key, 3)
-    friction = jax.random.uniform(of_ground, (), float, *ranges.friction)
+    material = Ground(*(jnp.asarray(x, float) for x in ground))
+    material = material._replace(friction=jax.random.uniform(of_ground, (), float, *ranges.friction))
     noise = ranges.map_noise * jax.random.uniform(of_map, terrain.elevation.shape, float, -1.0, 1.0)
-    truth = Truth(_robot(ranges, robot, of_robot), everywhere(ground)._replace(friction=friction), terrain)
+    truth = Truth(_robot(ranges, robot, of_robot), material, terrain)
     return truth, dataclasses.replace(terrain, elevation=terrain.elevation + noise)
 
 
@@ -83,8 +84,3 @@ def set_down(reference: Reference, seen: HeightMap, true: HeightMap) -> Referenc
     lift = jnp.max(above(true, feet) - above(seen, feet))
     up = lift * jnp.array([0.0, 0.0, 1.0], lift.dtype)
     return reference._replace(trunk_pos=reference.trunk_pos.at[0].add(up))
-
-
-def everywhere(tree: Any, *count: int) -> Any:
-    """The same for so many lanes, with a leading axis, or for a lane, without."""
-    return jax.tree.map(lambda x: jnp.broadcast_to(jnp.asarray(x, float), (*count, *jnp.shape(x))), tree)
