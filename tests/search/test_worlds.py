@@ -16,7 +16,7 @@ from jaxleg.search.lanes import CONSTRAINTS, Lab, LanePlan, Setting
 from jaxleg.search.sites import make_sites
 from jaxleg.search.training import Lanes
 from jaxleg.search.verify import everyone
-from jaxleg.search.worlds import MASSES, make_worlds, set_down, worlds
+from jaxleg.search.worlds import make_worlds, set_down, worlds
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.verdict import Verdict
 from jaxleg.status import Status
@@ -26,6 +26,7 @@ from jaxleg.walk.data import PlanChecks, Reference
 from tests.motions import Mujoco, sloping
 from tests.stand_ins import StandInLab
 
+MASSES = ("trunk_mass", "trunk_inertia", "link_mass", "link_inertia")
 NOTHING = Randomise(mass=0.0, com=0.0, friction=(0.8, 0.8), gains=0.0, map_noise=0.0)
 STUDY = Study(
     kinds={"flat": Kind(), "rough": Kind("rough")},
@@ -197,7 +198,9 @@ def test_the_referee_gets_each_lanes_robot_ground_and_friction(pegasus, monkeypa
     """Without a truth: the lab's."""
     seen = []
     none = Verdict(*[np.zeros((2,))] * 6)
-    plans = jax.tree.map(lambda x: np.stack([x] * 2), standing())
+    plan = standing()
+    plan = plan._replace(reference=plan.reference._replace(foot_pos=plan.reference.foot_pos.at[..., 0].set(0.4)))
+    plans = jax.tree.map(lambda x: np.stack([x] * 2), plan)
     lab = StandInLab(robot=pegasus, ground=Ground(friction=0.7), plan_lanes=lambda *_: plans)
     verdict = none._replace(energy=(np.ones(2),) * 3, moved=np.ones((2, 3)), fell=np.zeros(2, bool))
     monkeypatch.setattr(referees, "replay_each", lambda *x: seen.append(x) or verdict)
@@ -207,10 +210,10 @@ def test_the_referee_gets_each_lanes_robot_ground_and_friction(pegasus, monkeypa
     setting = SimpleNamespace(least_bend=np.zeros(2))
     for each in (truth, None):
         referees.replay_contest(lab, np.zeros((2, 1)), Lanes(site, setting, each), 2)
-    for (robots, terrains, tracks, frictions), robot, ground, mus in zip(
-        seen, (truths[1].robot, pegasus), (truth.terrain, site.terrain), ((0.3, 0.4), (0.7, 0.7))
+    for (robots, terrains, tracks, frictions), robot, ground, mus, up in zip(
+        seen, (truths[1].robot, pegasus), (truth.terrain, site.terrain), ((0.3, 0.4), (0.7, 0.7)), (0.04, 0.0)
     ):
         jax.tree.map(assert_array_equal, robots[1], robot)
         assert_array_equal(terrains[1].elevation, ground.elevation[1])
-        assert len(tracks) == 2
+        assert_allclose(tracks[1].trunk_pos[0] - plan.reference.trunk_pos[0], [0.0, 0.0, up], atol=1e-12)
         assert_allclose(frictions, mus)
