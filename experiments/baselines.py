@@ -32,7 +32,7 @@ from jaxleg.walk.reference import phase_instant
 
 NET = CONVENTIONS.index("net")
 HEIGHTS, OFFSETS = np.linspace(0.44, 0.50, 7), np.linspace(-0.10, 0.10, 9)  # H_COG, L_F2H centre [m]
-STANCE = ("gait.skew", "gait.hip_height", "gait.foot_offset")
+STANCE = ("gait.skew", "gait.workspace.high", "gait.foot_offset")
 SKEWS = {"no skew": 0.0, "skew of half a step": 0.1}  # [m]
 MASSES = {"midway": 0.0, "0.1 m behind": -0.1}  # centre of mass from the hips' centre, fore and aft [m]
 NEAR = 0.2  # percentage points between two pairs of savings that count as the same

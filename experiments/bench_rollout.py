@@ -29,7 +29,7 @@ from jaxleg.batch import in_chunks, on_devices, over_lanes
 from jaxleg.leg.energy import Power, electrical, motor_power
 from jaxleg.posture.collision import Sizes, robot_obstacles
 from jaxleg.search.config import Study
-from jaxleg.search.contestants import baseline, contestant
+from jaxleg.search.contestants import baseline, searched_planner
 from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.referees import unstack
 from jaxleg.search.training import Lanes
@@ -76,9 +76,9 @@ def distinct(study: Study, lab: Lab, count: int) -> tuple[Lanes, np.ndarray]:
     sizes = Sizes.of(lab.robot)
     obstacles = jax.jit(jax.vmap(lambda t: robot_obstacles(sizes, t, GRID.resolution)))(terrain)
     site = Site(terrain, jnp.ones((count, GRID.nx, GRID.ny), bool), obstacles)
-    height = np.array([name == "gait.hip_height" for name in lab.move])
+    height = np.array([name == "gait.workspace.high" for name in lab.move])
     vectors = baseline(study, "rough", "paper") + np.linspace(-0.02, 0.02, count)[:, None] * height
-    return Lanes(site, settings_of(contestant(study, "rough", "paper"), count)), vectors.astype(np.float32)
+    return Lanes(site, settings_of(searched_planner(study, "rough"), count)), vectors.astype(np.float32)
 
 
 def first(lanes: Lanes, count: int) -> Lanes:

@@ -34,7 +34,7 @@ from jaxleg.walk.navigation import Navigator
 from jaxleg.walk.proxy import evaluate
 
 POSTURE = {  # numbers of C's posture that its energy search moves, and their bounds
-    "gait.hip_height": (0.40, 0.55),
+    "gait.workspace.high": (0.40, 0.55),
     "gait.foot_offset": (-0.12, 0.12),
     "posture.levelling": (0.0, 1.0),
     "posture.target_weight": (0.0, 1.0),

@@ -31,7 +31,7 @@ from jaxleg.walk.proxy import evaluate
 from jaxleg.walk.reference import reference
 
 MOVED = (
-    *(f"gait.{name}" for name in ("step_length", "stance_length", "stance_width", "skew", "foot_offset", "hip_height")),
+    *(f"gait.{name}" for name in ("step_length", "stance_length", "stance_width", "skew", "foot_offset", "workspace.high")),
     *("gait.swing_height", "gait.lift_share", "posture.levelling", "posture.cog.ratio", "timing.acceleration", "route.turn"),
 )
 SIX = MOVED[:6]  # that must not be without effect

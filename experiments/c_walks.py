@@ -11,7 +11,7 @@ from jaxleg.batch import layout, over_lanes
 from jaxleg.leg.energy import Power, electrical
 from jaxleg.planner import Planner
 from jaxleg.route.stations import Line, Stations
-from jaxleg.search.config import Gait, Study
+from jaxleg.search.config import Gait, Study, Workspace
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import navigator_of, survey_all
 from jaxleg.status import Status
@@ -21,7 +21,7 @@ from jaxleg.walk.choices import Choices
 from jaxleg.walk.navigation import Navigator
 
 GRID, START, GOAL, NEAR = Grid(100, 50, 0.04, (0.02, 0.02)), (0.8, 1.0), (3.2, 1.1), (2.3, 1.05)
-GAIT = Gait(hip_height=0.46)
+GAIT = Gait(workspace=Workspace(high=0.46))
 CYCLES, SAMPLES, STEPS = 2, (60, 50), 3  # of a walk in simulation
 
 

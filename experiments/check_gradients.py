@@ -18,7 +18,7 @@ import tyro
 
 from experiments.common import setup, training, write
 from jaxleg.batch import over_lanes
-from jaxleg.foothold.cascade import Reachable, soft_offset
+from jaxleg.foothold.soft import Softness, soft_stance
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search import agreement
 from jaxleg.search.config import Study
@@ -48,7 +48,7 @@ def main(gaits: int = 32, out: Path | None = None, quick: bool = False) -> bool:
     for kind, start, end in zip(TARGETS, starts, starts[1:]):
         result[kind] = summary({name: error[start:end] for name, error in errors.items()}, TARGETS[kind])
         print(kind, {key: f"{value:.2e}" if isinstance(value, float) else value for key, value in result[kind].items()})
-    result["soft_choice"] = soft_choice(training(study, lab, "stairs"))
+    result["soft_choice"] = soft_choice(lab, training(study, lab, "stairs"))
     print("soft foothold choice, AD against central differences:", f"{result['soft_choice']:.2e}")
     write("check_gradients", out, result)
     holds = result["soft_choice"] <= SOFT and all(true(result[kind]) for kind in TARGETS)
@@ -131,15 +131,15 @@ def single_precision(lab: Lab, vectors: jax.Array, arguments) -> np.ndarray:
         return np.asarray(over_lanes(lane, lab.chunk // 2)(*single((vectors, *arguments))), np.float64)
 
 
-def soft_choice(lanes: Lanes) -> float:
+def soft_choice(lab: Lab, lanes: Lanes) -> float:
     """Largest relative error of the soft foothold choice's gradient in w1 over stair terrains, temperature 0.05."""
     nominal = jnp.array([[0.3, 0.18], [0.25, -0.18], [-0.3, 0.18], [-0.35, -0.18]])
-    foothold = jax.tree.map(lambda x: jnp.asarray(x[0]), lanes.setting.planner.foothold)
-    everywhere = Reachable(*map(jnp.asarray, (-1.0, 1.0, 0.2)))  # no candidate is out of the legs' reach
+    planner = jax.tree.map(lambda x: jnp.asarray(x[0]), lanes.setting.planner)
 
     def ahead(weight, site):
-        rectangle = dataclasses.replace(foothold.rectangle, nominal_weight=weight)
-        return soft_offset(nominal, site.valid, site.terrain, rectangle, everywhere, foothold.extent, 0.05)[0]
+        rectangle = dataclasses.replace(planner.foothold.rectangle, nominal_weight=weight)
+        cascade, softness = dataclasses.replace(planner.foothold, rectangle=rectangle), Softness(0.05, 0.01)
+        return soft_stance(cascade, softness, lab.robot, planner.gait, site, nominal, rectangle.heading).offset[0, 0]
 
     slope = jax.vmap(jax.grad(ahead), in_axes=(None, 0))(jnp.asarray(0.6), lanes.site)
     at = [jax.vmap(ahead, in_axes=(None, 0))(jnp.asarray(0.6 + h), lanes.site) for h in (1e-5, -1e-5)]

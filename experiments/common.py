@@ -12,7 +12,7 @@ from jaxleg.cli import configure_jax
 from jaxleg.files import write_json
 from jaxleg.robot import load_robot
 from jaxleg.search.config import Study, robot_path
-from jaxleg.search.contestants import contestant
+from jaxleg.search.contestants import searched_planner
 from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.run import make_lab
 from jaxleg.search.sites import make_sites
@@ -30,9 +30,10 @@ def setup() -> tuple[Study, Lab]:
 
 
 def training(study: Study, lab: Lab, kind: str, held_out: bool = False) -> Lanes:
-    """Training lanes of a kind, or held-out ones, judged by energy alone (J/m), no margin floor."""
+    """Training lanes of a kind, or held-out ones, judged by energy alone (J/m), no margin floor; what a vector
+    does not hold is the searched planners'."""
     site = make_sites(study, lab.robot, kind, held_out)
-    return Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
+    return Lanes(site, settings_of(searched_planner(study, kind), site.valid.shape[0]))
 
 
 def timed(function: Callable[..., Any], *arguments: Any, repeats: int = 3) -> float:

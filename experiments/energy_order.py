@@ -21,13 +21,13 @@ from experiments.blind_swing import interval
 from experiments.common import setup, write
 from experiments.walk_maps import GAIT, GRID, KINDS, World, succeeded, world
 from jaxleg.leg.energy import CONVENTIONS, Convention, Power, electrical
-from jaxleg.search.config import Study
+from jaxleg.search.config import Study, Workspace
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import Outcome, navigate, navigator_of, simulate_all, survey_all
 
 MAPS, HARDEST = 40, 0.6  # the easier part of `walk_maps`' range, where nearly all are walked
 HEIGHT_STEP, HEIGHTS = 0.03, 5
-TALL = GAIT.hip_height + HEIGHT_STEP * (HEIGHTS // 2)
+TALL = GAIT.workspace.high + HEIGHT_STEP * (HEIGHTS // 2)
 CONTESTANTS = ("paper", "paper, tall", "energy")
 
 
@@ -57,7 +57,7 @@ def walk(study: Study, lab: Lab, there: World, name: str):
     order = "energy" if name == "energy" else "paper"
     tree = dataclasses.replace(study.navigation.tree, order=order, heights=HEIGHTS, height_step=HEIGHT_STEP)
     study = dataclasses.replace(study, navigation=dataclasses.replace(study.navigation, tree=tree))
-    gait = dataclasses.replace(GAIT, hip_height=TALL) if name == "paper, tall" else GAIT
+    gait = dataclasses.replace(GAIT, workspace=Workspace(high=TALL)) if name == "paper, tall" else GAIT
     navigator = navigator_of(study, lab.robot, gait, GRID.resolution)
     surveys = survey_all(navigator, there.maps)
     walked, _ = navigate(navigator, surveys, there.start, there.goal)

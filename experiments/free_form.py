@@ -25,7 +25,7 @@ from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search import adam
 from jaxleg.search.config import Study
 from jaxleg.search.contest import Contest, contest, saving, summary
-from jaxleg.search.contestants import baseline, bounds, contestant, planner_of
+from jaxleg.search.contestants import baseline, bounds, contestant, planner_of, searched_planner
 from jaxleg.search.free import FreeLab, free_lab
 from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.leaves import read_leaves
@@ -93,7 +93,7 @@ def make_task(study: Study, lab: FreeLab, kind: str, best: Study | None, train: 
     score, _ = lab.proxy_gradients(vectors, lanes.site, alone)
     energy = np.full(lanes.number, score.energy[:, CONVENTIONS.index(study.power)].mean())
     margin, energy = (jnp.asarray(x, float) for x in (score.checks.margin + study.search.margin_reserve, energy))
-    planner = contestant(study, kind, "paper") if best is None else planner_of(best, best.kinds[kind], best.kinds[kind].gait)
+    planner = searched_planner(study, kind) if best is None else planner_of(best, best.kinds[kind], best.kinds[kind].gait)
     start = np.asarray(read_leaves(planner, study.search.move))
     return Task(study, kind, Lanes(lanes.site, lanes.setting._replace(margin=margin, energy=energy)), start, steps)
 
@@ -143,7 +143,7 @@ def row(task: Task, labs: dict[str, FreeLab], vectors: dict[str, np.ndarray], he
     """All contestants on held-out terrains in both engines, and what the free forms save of the others' energy."""
     study, kind = task.study, task.kind
     site = make_sites(study, labs["mirrored"].robot, kind, held_out=True)
-    alone = Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
+    alone = Lanes(site, settings_of(searched_planner(study, kind), site.valid.shape[0]))
     lanes = evenly(alone, held)
     gaits = {"traditional": widened(labs["mirrored"], baseline(study, kind, "traditional"))} | vectors
     engines: dict[str, dict[str, Contest]] = {"simulation": {}, "mujoco": {}}

@@ -150,7 +150,7 @@ def a_planners(study: Study, lab: Lab, planner: Planner) -> dict[str, Planner]:
         "posture": Incentre(CogRule(zero, "overlap"), zero, "none"),
     }
     searched = dataclasses.replace(planner, **parts)
-    greedy = {"posture": Incentre(CogRule(zero, "overlap"), zero, "way-point"), "series": Greedy()}
+    greedy = {"posture": Incentre(CogRule(zero, "overlap"), zero), "series": Greedy()}
     return {"tree": searched, "greedy": dataclasses.replace(searched, **greedy)}
 
 

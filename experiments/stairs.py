@@ -18,7 +18,7 @@ from experiments.slow_walk import power_over_time, walks
 from experiments.table_one import NAMES, Table, checked, finish, planned, result, saving_ratio, spans, table
 from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.search.config import Study
-from jaxleg.search.contestants import contestant
+from jaxleg.search.contestants import searched_planner
 from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.sites import HELD_OUT, first_of_each, grid, make_sites
 from jaxleg.search.training import Lanes
@@ -63,7 +63,7 @@ def unseen(study: Study, lab: Lab, kind: str, count: int) -> Lanes:
     """Held-out terrains of a kind: those that differ of so many drawn."""
     study = dataclasses.replace(study, terrains=dataclasses.replace(study.terrains, held_out=count * len(study.kinds)))
     site = make_sites(study, lab.robot, kind, held_out=True)
-    return Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
+    return Lanes(site, settings_of(searched_planner(study, kind), site.valid.shape[0]))
 
 
 def climb(seen: Table, vector: np.ndarray, lanes: Lanes, risers: np.ndarray) -> dict[str, Any]:

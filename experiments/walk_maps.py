@@ -17,7 +17,7 @@ import tyro
 
 from experiments.common import setup, write
 from jaxleg.batch import layout, over_lanes
-from jaxleg.search.config import Gait
+from jaxleg.search.config import Gait, Workspace
 from jaxleg.search.lanes import Lab
 from jaxleg.search.navigate import MOST, Outcome, navigate, navigator_of, on_valid_cells, simulate_all, survey_all
 from jaxleg.series.tree import CAUSES
@@ -30,7 +30,7 @@ from jaxleg.walk.navigation import Navigator, Survey, Walked
 GRID = Grid(200, 100, 0.04, (0.02, 0.02))
 KINDS = ("cuboids", "fractal")
 MAPS, REPLAYS, APART = 200, 20, 5.0
-GAIT = Gait(hip_height=0.46)
+GAIT = Gait(workspace=Workspace(high=0.46))
 
 
 class World(NamedTuple):

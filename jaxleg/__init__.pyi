@@ -17,6 +17,7 @@ from .leg.energy import electrical as electrical
 from .leg.kinematics import foot_position as foot_position
 from .leg.kinematics import leg_angles as leg_angles
 from .leg.statics import torque_map as torque_map
+from .leg.workspace import Workspace as Workspace
 from .planner import Limits as Limits
 from .planner import Planner as Planner
 from .posture.collision import Sizes as Sizes

@@ -6,7 +6,7 @@ from jaxleg.numerics import Code
 class Status(Code):
     """Outcome of planning one lane; anything but `OK` is counted, never averaged over.
 
-    From `NO_FOOTHOLD` to `LOAD` it is also why a candidate step cannot be made.
+    From `NO_FOOTHOLD` to `WORKSPACE` it is also why a candidate step cannot be made.
     """
 
     OK = 0
@@ -19,10 +19,11 @@ class Status(Code):
     NOT_FINITE = 7  # e.g. unseen ground on the way
     TORQUE = 8  # more than a motor gives
     LOAD = 9  # a standing foot would have to pull
-    NO_PATH = 10
-    START_BLOCKED = 11
-    GOAL_BLOCKED = 12
-    TOO_LONG = 13  # more cells or steps than allowed
-    NO_STANCE = 14  # no valid cell for some foot at the start
-    DEAD_END = 15  # no state leads on
-    BUDGET = 16  # as many candidates tried as allowed
+    WORKSPACE = 10  # a foot outside of where it may stand under its hip
+    NO_PATH = 11
+    START_BLOCKED = 12
+    GOAL_BLOCKED = 13
+    TOO_LONG = 14  # more cells or steps than allowed
+    NO_STANCE = 15  # no valid cell for some foot at the start
+    DEAD_END = 16  # no state leads on
+    BUDGET = 17  # as many candidates tried as allowed

@@ -13,6 +13,7 @@ from jaxleg.foothold.rectangle import Extent, SearchRectangle
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.params import GaitParams
 from jaxleg.gait.support import CogRule
+from jaxleg.leg.workspace import up_to
 from jaxleg.posture.collision import Sizes, robot_obstacles
 from jaxleg.route.stations import Straight
 from jaxleg.status import Status
@@ -36,7 +37,8 @@ def terrain_of(kind):
 
 
 def gait(height=0.5, offset=-0.1, skew=0.1, step=0.2, length=0.62, width=0.36, swing=0.08, shift=0.45, hind=0.5, lift=0.1):
-    return GaitParams(*(jnp.asarray(x, float) for x in (height, offset, skew, step, length, width, swing, shift, hind, lift)))
+    others = (offset, skew, step, length, width, swing, shift, hind, lift)
+    return GaitParams(up_to(jnp.asarray(height, float)), *(jnp.asarray(x, float) for x in others))
 
 
 class Options(NamedTuple):

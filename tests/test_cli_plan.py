@@ -168,8 +168,8 @@ def test_outputs_are_checked_before_any_work(config, tmp_path, capsys, arguments
 
 
 def test_plan_checks_the_study_as_search_does(config, capsys):
-    error = refused(capsys, "plan", config(KIND + "[bounds]\ngait.hip_height = [0.58, 0.40]\n"), "--terrain", "flat", *PLAN)
-    assert "bounds.gait.hip_height" in error
+    error = refused(capsys, "plan", config(KIND + "[bounds]\ngait.workspace.high = [0.58, 0.40]\n"), "--terrain", "flat", *PLAN)
+    assert "bounds.gait.workspace.high" in error
 
 
 def test_a_kind_is_made_with_configs_settings():

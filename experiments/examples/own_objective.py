@@ -11,7 +11,7 @@ import tyro
 import jaxleg as jl
 from experiments.examples.plan_a_walk import GRID, plan, planner
 
-MOVED = ("gait.hip_height", "gait.foot_offset", "gait.step_length")  # any of jl.leaf_names(planner)
+MOVED = ("gait.workspace.high", "gait.foot_offset", "gait.step_length")  # any of jl.leaf_names(planner)
 RATE, LEAST_BEND, LEAST_MARGIN = 0.004, 0.35, 0.06  # [m] a step, [rad], [m]
 
 

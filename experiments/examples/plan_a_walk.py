@@ -11,13 +11,15 @@ import tyro
 import jaxleg as jl
 
 GRID = jl.Grid(112, 52, 0.02, (-0.9, -0.51))  # cells along x and y, their size [m], the first one's centre
-GAIT = dict(hip_height=0.50, foot_offset=-0.10, skew=0.10, step_length=0.20, stance_length=0.60, stance_width=0.36)
+SPACE = dict(behind=-0.20, ahead=0.0, low=0.48, high=0.52)
+GAIT = dict(foot_offset=-0.10, skew=0.10, step_length=0.20, stance_length=0.60, stance_width=0.36)
 FLIGHT = dict(swing_height=0.08, shift_share=0.45, hind_share=0.5, lift_share=0.05)
 
 
 def planner(robot: jl.Robot, speed: float = 0.05, least_bend: float = 20.0) -> jl.Planner:
     """The paper's own numbers at a speed [m/s] and a least knee bend [deg]."""
-    gait = jl.GaitParams(**{name: jnp.asarray(x) for name, x in (GAIT | FLIGHT).items()})
+    space, others = (jax.tree.map(jnp.asarray, numbers) for numbers in (SPACE, GAIT | FLIGHT))
+    gait = jl.GaitParams(workspace=jl.Workspace(**space), **others)
     rectangle = jl.SearchRectangle(*map(jnp.asarray, (0.30, 0.08, 0.08, 0.5, 0.0)))
     extent = jl.extent_of(0.38, 0.08, resort=0.2, resolution=GRID.resolution)
     return jl.paper_a(gait, rectangle, extent, jl.CogRule(jnp.asarray(0.5)), speed, np.deg2rad(least_bend))

@@ -34,6 +34,7 @@ STEP_FAULTS = {  # why a step cannot be made, in words
     Status.NOT_FINITE: "unseen ground on the way",
     Status.TORQUE: "a motor would need more torque than it has",
     Status.LOAD: "a standing foot would have to pull",
+    Status.WORKSPACE: "a foot outside the workspace under its hip",
 }
 
 
@@ -78,7 +79,7 @@ def check_stance(task: Any, navigator: Any) -> None:
     ]
     why = ", ".join(words for fault, words in faults if fault)
     raise InputError(
-        f"kinds.{task.kind}.gait: {task.robot_file.name} cannot stand on level ground at hip_height {first.height:.3g} m"
+        f"kinds.{task.kind}.gait: {task.robot_file.name} cannot stand on level ground at workspace.high {first.height:.3g} m"
         f" (nor at the other candidate heights, {np.min(seen.height):.3g} to {np.max(seen.height):.3g}): {why}"
     )
 

@@ -1,8 +1,9 @@
 """Foothold choice: the cascaded search of paper A, IV.B.3 (A11).
 
 The four feet of a cycle move from their nominal footholds by one common offset, so that they still form the nominal
-stance (Fig. 7). First within the search rectangle, then within the lengthened one; failing that each leg for itself takes
-the nearest valid cell, within the lengthened rectangle or else within one step length. A leg without any is flagged.
+stance (Fig. 7), and stay in the workspace under their hips. First within the search rectangle, then within the lengthened
+one; failing that each leg for itself takes the nearest valid cell whatever the workspace, within the lengthened rectangle or
+else within one step length. A leg without any is flagged.
 """
 
 import dataclasses
@@ -14,7 +15,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.conventions import LEG_END
-from jaxleg.foothold.contract import Footholds, FootholdStatus, Proposal
+from jaxleg.foothold.contract import Footholds, FootholdStatus, Proposal, Room, endless
 from jaxleg.foothold.rectangle import (
     Candidates,
     Extent,
@@ -29,6 +30,7 @@ from jaxleg.foothold.rectangle import (
 from jaxleg.gait.params import GaitParams
 from jaxleg.leg.kinematics import reach_for_bend
 from jaxleg.numerics import sqrt_safe
+from jaxleg.posture.workspace import inside
 from jaxleg.pytree import pytree, static
 from jaxleg.robot.model import Robot
 from jaxleg.rotations import to_heading
@@ -51,6 +53,7 @@ class Found(NamedTuple):
 
     footing: Float[Array, "nx ny"]  # height of the cells that are footholds, NaN elsewhere [m]
     level: Float[Array, "leg"]  # mean height of the ground at each leg's end [m]
+    height: Float[Array, "leg i j"]  # of the candidates, NaN where they are no footholds [m]
     usable: Bool[Array, "leg i j"]  # candidates that are footholds of a height that the leg reaches
 
 
@@ -64,13 +67,19 @@ class Cascade:
     count: int = static(12)  # of candidates that a tree search is offered
 
     def stance(
-        self, robot: Robot, gait: GaitParams, site: Site, nominal: Float[Array, "leg 2"], yaw: Float[Array, ""]
+        self,
+        robot: Robot,
+        gait: GaitParams,
+        site: Site,
+        nominal: Float[Array, "leg 2"],
+        yaw: Float[Array, ""],
+        room: Room = endless,
     ) -> Footholds:
         """The footholds of a stance that heads by `yaw` [rad]; no gradient."""
         nominal, gait, yaw, this = jax.lax.stop_gradient((nominal, gait, yaw, self))
         reachable = reachable_heights(robot, gait, this.least_bend)
         rectangle = dataclasses.replace(this.rectangle, heading=yaw)
-        return choose_stance(nominal, site.valid, site.terrain, rectangle, reachable, self.extent)
+        return choose_stance(nominal, site.valid, site.terrain, rectangle, reachable, self.extent, room)
 
     def propose(
         self,
@@ -86,7 +95,7 @@ class Cascade:
         rectangle = dataclasses.replace(self.rectangle, heading=yaw)
         seen = candidates(rectangle, site.terrain.resolution, self.extent.cells)
         reachable = reachable_heights(robot, gait, self.least_bend)
-        usable = _look(nominal, site.valid, site.terrain, seen, reachable, self.extent.cells)[2][leg] & seen.long
+        usable = look(nominal, site.valid, site.terrain, seen, reachable, self.extent.cells).usable[leg] & seen.long
         again = jnp.all(jnp.abs(seen.offset - own.offset[leg][None, None]) < 1e-6, axis=-1)
         score = jnp.where(usable & ~again, feasible_score(seen.along, rectangle, rectangle.longer), -jnp.inf)
         worth, best = jax.lax.top_k(score.reshape(-1), self.count - 1)
@@ -98,13 +107,16 @@ class Cascade:
 def reachable_heights(robot: Robot, gait: GaitParams, least_bend: Float[ArrayLike, ""]) -> Reachable:
     """Heights of a foothold over the ground round it that a leg reaches (the "kinematically valid" of paper A, IV.B.3).
 
-    The hips' plane may come down to the thigh's length over the ground (A5, A17), and the foot is at most |L_F2H| + L_Step/2
-    before or behind its hip: so deep reaches the leg at its least knee bend. No foot stands higher than H_COG - L2.
+    The hips' plane may come down to the workspace's lower bound, and no further than the thigh's length over the ground (A5,
+    A17); the foot is at most |L_F2H| + L_Step/2 before or behind its hip: so deep reaches the leg at its least knee bend. No
+    foot stands higher than H_COG - L2.
     """
     thigh = -robot.link_offset[0, 1, 2]
+    high = jnp.asarray(gait.workspace.high)
+    low = jnp.minimum(jnp.maximum(thigh, gait.workspace.low), high)
     ahead = jnp.abs(gait.foot_offset) + 0.5 * gait.step_length
     deepest = sqrt_safe(reach_for_bend(robot.link_offset[0], least_bend) ** 2 - ahead**2)
-    return Reachable(thigh - deepest, gait.hip_height - thigh, gait.step_length)
+    return Reachable(low - deepest, high - thigh, gait.step_length)
 
 
 def choose_stance(
@@ -114,15 +126,16 @@ def choose_stance(
     rectangle: SearchRectangle,
     reachable: Reachable,
     extent: Extent,
+    room: Room = endless,
 ) -> Footholds:
-    """The cascade in its exact form, for one stance. Piecewise constant: it has no gradient, see `soft_offset`.
+    """The cascade in its exact form, for one stance. Piecewise constant: it has no gradient, see `foothold.soft`.
 
     `nominal` (x, y) in W [m]; `valid` from `terrain.footing`. A candidate counts if its cell (the one nearest to it) is on
-    the map, seen, valid, and of a height that the leg reaches.
+    the map, seen, valid, and of a height that the leg reaches; together they do if all of them do and there is `room`.
     """
     seen = candidates(rectangle, terrain.resolution, extent.cells)
-    footing, level, usable = _look(nominal, valid, terrain, seen, reachable, extent.cells)
-    common = jnp.all(usable, axis=0)
+    footing, level, height, usable = look(nominal, valid, terrain, seen, reachable, extent.cells)
+    common = jnp.all(usable, axis=0) & inside(rooms(nominal, seen, height, room))
 
     def first(value, allowed):
         keys = tuple(key.reshape(-1) for key in preference(seen.along, value))
@@ -140,31 +153,15 @@ def choose_stance(
     return Footholds(offset, status.astype(jnp.int32))
 
 
-def soft_offset(
+def look(
     nominal: Float[Array, "leg 2"],
     valid: Bool[Array, "nx ny"],
     terrain: HeightMap,
-    rectangle: SearchRectangle,
+    seen: Candidates,
     reachable: Reachable,
-    extent: Extent,
-    temperature: Float[ArrayLike, ""],
-) -> Float[Array, "2"]:
-    """Soft form of the first run of the cascade: the softmax mean of the common offsets, for gradients.
-
-    Tends to `choose_stance`'s offset as the temperature tends to 0 (where that run finds one and has no tie); differentiable
-    in the rectangle's parameters. With no common candidate it is zero.
-    """
-    seen = candidates(rectangle, terrain.resolution, extent.cells)
-    found = _look(nominal, valid, terrain, seen, reachable, extent.cells)
-    common = jnp.all(found.usable, axis=0) & seen.short
-    logits = jnp.where(common, feasible_score(seen.along, rectangle) / temperature, -jnp.inf)
-    weight = jax.nn.softmax(jnp.where(jnp.any(common), logits, 0.0), axis=(0, 1))
-    mean = jnp.sum(weight[..., None] * seen.offset, axis=(0, 1))
-    return jnp.where(jnp.any(common), mean, 0.0)
-
-
-def _look(nominal, valid, terrain, seen: Candidates, reachable: Reachable, cells: tuple[int, int]) -> Found:
-    """Cut each leg's candidates out of the map, which is bordered by cells that are no footholds."""
+    cells: tuple[int, int],
+) -> Found:
+    """Each leg's candidates, cut out of the map, which is bordered by cells that are no footholds."""
     footing = jnp.where(valid & jnp.isfinite(terrain.elevation), terrain.elevation, jnp.nan)
     border = [(2 * n + 1, 2 * n + 1) for n in cells]  # a nominal foothold beyond it sees nothing but border
     bordered = jnp.pad(footing, border, constant_values=jnp.nan)
@@ -173,7 +170,14 @@ def _look(nominal, valid, terrain, seen: Candidates, reachable: Reachable, cells
     corner = jnp.clip(nearest_cell(terrain, nominal) + half + 1, 0, last)
     height = jax.vmap(lambda c: jax.lax.dynamic_slice(bordered, c, size))(corner)
     level = _levels(jnp.where(seen.long, height, jnp.nan))
-    return Found(footing, level, _within(height, level[:, None, None], reachable))
+    return Found(footing, level, height, _within(height, level[:, None, None], reachable))
+
+
+def rooms(nominal: Float[Array, "leg 2"], seen: Candidates, height: Float[Array, "leg i j"], room: Room) -> Float[Array, "i j"]:
+    """The `room` of the four feet at each common offset, on cells of these heights [m]; no number where one is no foothold."""
+    xy = nominal[None, None] + seen.offset[:, :, None]
+    feet = jnp.concatenate([xy, jnp.moveaxis(height, 0, -1)[..., None]], axis=-1)
+    return jax.vmap(jax.vmap(room))(feet)
 
 
 def _levels(height: Float[Array, "leg i j"]) -> Float[Array, "leg"]:

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxleg.foothold.contract import Footholds, FootholdStatus, Proposal
+from jaxleg.foothold.contract import Footholds, FootholdStatus, Proposal, Room, endless
 from jaxleg.foothold.rectangle import cells_around
 from jaxleg.gait.params import GaitParams
 from jaxleg.pytree import pytree, static
@@ -61,9 +61,17 @@ class Ranked:
         )
 
     def stance(
-        self, robot: Robot, gait: GaitParams, site: Site, nominal: Float[Array, "leg 2"], yaw: Float[Array, ""]
+        self,
+        robot: Robot,
+        gait: GaitParams,
+        site: Site,
+        nominal: Float[Array, "leg 2"],
+        yaw: Float[Array, ""],
+        room: Room = endless,
     ) -> Footholds:
-        """Each leg's best foothold, in a rectangle half as large again where there is none in its own."""
+        """Each leg's best foothold, in a rectangle half as large again where there is none in its own. `room` of the
+        feet together has no say here: each leg chooses for itself, and `feasible` judges what comes of it."""
+        del room
         wide = self.wider(1.5)
 
         def choose(leg):

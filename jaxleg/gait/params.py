@@ -1,8 +1,13 @@
 """The planner's continuous parameters."""
 
+from typing import Literal
+
 from jaxtyping import Array, Float
 
-from jaxleg.pytree import pytree
+from jaxleg.leg.workspace import Workspace
+from jaxleg.pytree import pytree, static
+
+Support = Literal["stance", "sweep"]  # when a foot must be inside the workspace: see `posture.workspace`
 
 
 @pytree
@@ -12,7 +17,7 @@ class GaitParams:
     `phase` shares: each half cycle is a body shift, the hind leg's swing and the front leg's.
     """
 
-    hip_height: Float[Array, "*batch"]  # H_COG: hip plane above the mean foot height
+    workspace: Workspace  # where a foot may stand under its hip; the hips are as high above the feet as it and the legs allow
     foot_offset: Float[Array, "*batch"]  # L_F2H centre: feet ahead (+) or behind (-) the hips
     skew: Float[Array, "*batch"]  # L_Skew: left feet ahead of the right ones before the right legs swing
     step_length: Float[Array, "*batch"]  # L_Step
@@ -22,3 +27,4 @@ class GaitParams:
     shift_share: Float[Array, "*batch"]  # body shift's part of a half cycle
     hind_share: Float[Array, "*batch"]  # hind swing's part of the rest
     lift_share: Float[Array, "*batch"]  # part of a swing at either end in which the foot moves only up or down
+    support: Support = static("stance")

@@ -19,10 +19,15 @@ from jaxleg.robot import Robot
 class Workspace(NamedTuple):
     """A rectangle of foot places [m]: the foot ahead of the hip (L_F2H) and the hip above the foot (H_COG), from and to."""
 
-    behind: Float[ArrayLike, ""]
-    ahead: Float[ArrayLike, ""]
-    low: Float[ArrayLike, ""]
-    high: Float[ArrayLike, ""]
+    behind: Float[ArrayLike, "*batch"]  # -inf: unbounded, as `ahead` = inf and `low` = 0 are
+    ahead: Float[ArrayLike, "*batch"]
+    low: Float[ArrayLike, "*batch"]
+    high: Float[ArrayLike, "*batch"]
+
+
+def up_to(high: Float[Array, "*batch"]) -> Workspace:
+    """The workspace that bounds nothing but the hips' height [m]."""
+    return Workspace(jnp.full_like(high, -jnp.inf), jnp.full_like(high, jnp.inf), jnp.zeros_like(high), high)
 
 
 class Cost(NamedTuple):

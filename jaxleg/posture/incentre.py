@@ -20,7 +20,7 @@ from jaxleg.pytree import pytree, static
 from jaxleg.robot import Robot
 from jaxleg.rotations import to_heading, trunk_rotation, turned
 
-Lowering = Literal["walk", "way-point", "none"]
+Lowering = Literal["way-point", "none"]
 
 
 @pytree
@@ -29,7 +29,7 @@ class Incentre:
 
     cog: CogRule
     height_threshold: Float[Array, "*batch"]  # a smaller change of a way-point's height is suppressed [m]
-    lowering: Lowering = static("walk")  # all way-points alike, each by itself, or not at all
+    lowering: Lowering = static("way-point")  # each as far as reach and knee bend demand, or not at all
 
     shared = True  # one pose for both swings of a side
 
@@ -37,6 +37,10 @@ class Incentre:
         """Trunk pose for a side's two swings; see `waypoint`. `adjust` is added: height [m], pitch and roll [rad]."""
         pose = waypoint(robot, gait, self.cog, before, after, leg, yaw)
         return pose.at[2:5].add(adjust)
+
+    def sketch(self, gait: GaitParams, before, after, leg, yaw) -> Float[Array, "6"]:
+        """The pose of `swing` but for the trunk's place across, which takes the legs' masses to know."""
+        return _beside(gait, cog_point(self.cog, before, after, leg), 0.5 * (before + after), yaw)(jnp.zeros_like(yaw))
 
     def stand(self, robot: Robot, gait: GaitParams, feet, yaw) -> Float[Array, "6"]:
         """Trunk pose of standing on four feet: over their middle."""
@@ -70,18 +74,25 @@ def over(
     robot: Robot, gait: GaitParams, centre: Float[Array, "2"], feet: Float[Array, "leg 3"], yaw: Float[Array, ""]
 ) -> Float[Array, "6"]:
     """The pose over a point (x, y) [m]: fore and aft the hips' centre, across the centre of mass."""
-    height, level = jnp.mean(feet[:, 2]) + gait.hip_height, jnp.zeros_like(yaw)
-    turn = jnp.stack([_ground_pitch(feet, yaw), level, yaw])
-
-    def at(aside: Float[Array, ""]) -> Float[Array, "6"]:
-        """The pose so far to the left of the point."""
-        xy = centre + turned(jnp.stack([-gait.foot_offset, aside]), yaw)
-        return jnp.concatenate([xy, height[None], turn])
+    at = _beside(gait, centre, feet, yaw)
 
     def centred(_, aside):
         return -to_heading(com_offset(robot, at(aside), feet)[:2], yaw)[1]
 
-    return at(jax.lax.fori_loop(0, 2, centred, level))  # the legs trail the sway by a fifth: two passes leave under 1 mm
+    aside = jax.lax.fori_loop(0, 2, centred, jnp.zeros_like(yaw))
+    return at(aside)  # the legs trail the sway by a fifth: two passes leave under 1 mm
+
+
+def _beside(gait: GaitParams, centre: Float[Array, "2"], feet: Float[Array, "leg 3"], yaw: Float[Array, ""]):
+    """The pose over a point, as a function of how far to the left of it [m]."""
+    height, level = jnp.mean(feet[:, 2]) + gait.workspace.high, jnp.zeros_like(yaw)
+    turn = jnp.stack([_ground_pitch(feet, yaw), level, yaw])
+
+    def at(aside: Float[Array, ""]) -> Float[Array, "6"]:
+        xy = centre + turned(jnp.stack([-gait.foot_offset, aside]), yaw)
+        return jnp.concatenate([xy, height[None], turn])
+
+    return at
 
 
 def held_heights(heights: Float[Array, "n"], threshold: Float[ArrayLike, ""]) -> Float[Array, "n"]:

@@ -46,6 +46,12 @@ class Plane:
         plane = support_plane(after, jnp.where(jnp.arange(4) == leg, self.target_weight, 1.0))
         return self._over(robot, gait, after, plane, cog_point(self.cog, before, after, leg), adjust, yaw)
 
+    def sketch(self, gait: GaitParams, before, after, leg, yaw) -> Float[Array, "6"]:
+        """The pose of `swing`, the default's, as if the centre of mass were the trunk's centre: no legs' masses needed."""
+        plane = support_plane(after, jnp.where(jnp.arange(4) == leg, self.target_weight, 1.0))
+        at, point = self._at(gait, after, plane, jnp.zeros(3, after.dtype), yaw), cog_point(self.cog, before, after, leg)
+        return at(point)
+
     def stand(self, robot: Robot, gait: GaitParams, feet: Float[Array, "leg 3"], yaw: Float[Array, ""]) -> Float[Array, "6"]:
         """Trunk pose of standing on four feet, the centre of mass over their middle."""
         plane = support_plane(feet, jnp.ones(4, feet.dtype))
@@ -57,18 +63,24 @@ class Plane:
 
     def _over(self, robot, gait, feet, plane, point, adjust, near) -> Float[Array, "6"]:
         """The pose with its centre of mass over a point: two passes, because the legs' masses move with the trunk."""
+        at = self._at(gait, feet, plane, adjust, near)
+        pose = at(point)
+        for _ in range(2):
+            pose = at(point - com_offset(robot, pose, feet)[:2])
+        return pose
+
+    def _at(self, gait, feet, plane, adjust, near):
+        """The pose whose trunk is less L_F2H over a point, as a function of that point."""
         yaw = feet_yaw(feet, near)
         turn = jnp.append((1.0 - self.levelling) * plane_turn(plane, yaw) + adjust[1:], yaw)
-        point = point + turned(jnp.stack([-gait.foot_offset, jnp.zeros_like(yaw)]), yaw)
+        ahead = turned(jnp.stack([-gait.foot_offset, jnp.zeros_like(yaw)]), yaw)
 
-        def over(xy):
-            height = plane_height(plane, xy) + gait.hip_height + adjust[0]
+        def at(point):
+            xy = point + ahead
+            height = plane_height(plane, xy) + gait.workspace.high + adjust[0]
             return jnp.concatenate([xy, height[None], turn])
 
-        pose = over(point)
-        for _ in range(2):
-            pose = over(point - com_offset(robot, pose, feet)[:2])
-        return pose
+        return at
 
 
 def support_plane(feet: Float[Array, "leg 3"], weight: Float[Array, "leg"]) -> Float[Array, "3"]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxleg.conventions import InputError
 from jaxleg.foothold.rectangle import bounding_sides
-from jaxleg.search.config import RULES, Rectangle, Span, Study
+from jaxleg.search.config import RULES, Kind, Rectangle, Span, Study
 from jaxleg.search.contestants import rectangles, span_of
 from jaxleg.search.leaves import require_known
 from jaxleg.settings import convert
@@ -18,7 +18,7 @@ from jaxleg.terrain.generators import KINDS
 MOST_CELLS = 2**31  # of all maps of a study together: 8 GiB
 HEADINGS = frozenset({"route.heading", "foothold.rectangle.heading"})
 HELD = {  # where the searched planners have a number from that no search moves
-    **{f"gait.{name}": f"contestants.paper.{name}" for name in ("hip_height", "skew", "step_length")},
+    **{f"gait.{name}": f"contestants.paper.{name}" for name in ("workspace.high", "skew", "step_length")},
     "foothold.rectangle.length": "rectangle.search_length",
 }
 
@@ -58,6 +58,7 @@ def check_study(study: Study, source: str, legs: Legs) -> None:
     for box in rectangles(study):
         check_map(f"{source}: terrains.", study.terrains.cells, study.terrains.resolution, box, legs.foot_radius)
     _check_stances(study, source, legs)
+    _check_workspaces(study, source, legs)
     _check_reach(study, source, legs)
     _check_randomised(study, source)
 
@@ -141,9 +142,10 @@ def check_map(
 def _check_stances(study: Study, source: str, legs: Legs) -> None:
     """H_COG lies between the thigh's length and the leg's; a skew is smaller than the stance, or feet pass one another."""
     for name, table in dataclasses.asdict(study.contestants).items():
-        if not legs.thigh < table["hip_height"] < legs.length:
+        high = table["workspace"]["high"]
+        if not legs.thigh < high < legs.length:
             raise InputError(
-                f"{source}: contestants.{name}.hip_height is {table['hip_height']:g}, but must be above the thigh's length,"
+                f"{source}: contestants.{name}.workspace.high is {high:g}, but must be above the thigh's length,"
                 f" {legs.thigh:g}, and below the leg's, {legs.length:g}"
             )
     stances = {f"contestants.{name}": table["skew"] for name, table in dataclasses.asdict(study.contestants).items()}
@@ -163,6 +165,35 @@ def _check_stances(study: Study, source: str, legs: Legs) -> None:
         )
 
 
+def _check_workspaces(study: Study, source: str, legs: Legs) -> None:
+    """A foot somewhere in a workspace is within the leg's reach, and no search can turn one inside out."""
+    spaces = {f"contestants.{name}": getattr(study.contestants, name).workspace for name in vars(study.contestants)}
+    spaces |= {f"kinds.{name}.gait": kind.gait.workspace for name, kind in study.kinds.items()}
+    for key, space in spaces.items():
+        nearest = max(space.behind or 0.0, -(space.ahead or 0.0), 0.0)
+        reach = float(np.hypot(nearest, space.low or 0.0))
+        if reach >= legs.length:
+            raise InputError(
+                f"{source}: {key}.workspace begins {reach:.3g} m from the hip, but must begin within the leg's length,"
+                f" {legs.length:g}"
+            )
+    for name, kind in study.kinds.items():
+        behind, ahead = (_bound_of(study, kind, end) for end in ("behind", "ahead"))
+        if behind[1] > ahead[0]:
+            raise InputError(
+                f"{source}: gait.workspace.behind may be {behind[1]:g} on {name}, but must not exceed the least"
+                f" gait.workspace.ahead, {ahead[0]:g}; see bounds, search.move and kinds.{name}.gait.workspace"
+            )
+
+
+def _bound_of(study: Study, kind: Kind, end: str) -> Span:
+    """Least and greatest value of a bound of the searched planners' workspace on a kind."""
+    leaf, own = f"gait.workspace.{end}", getattr(kind.gait.workspace, end)
+    if leaf in study.search.move:
+        return study.bounds[leaf]
+    return (own, own) if own is not None else {"behind": (-np.inf, -np.inf), "ahead": (np.inf, np.inf)}[end]
+
+
 def _searched(study: Study, leaf: str) -> tuple[str, float, float]:
     """The key that says how far a number may go in the searched planners, and its least and greatest value."""
     if leaf in study.search.move:
@@ -178,8 +209,8 @@ def _words(low: float, high: float) -> str:
 def _check_reach(study: Study, source: str, legs: Legs) -> None:
     """Paper A's constraints (5)-(7) and H_COG > L2 at the corner of the bounds that is easiest to meet."""
     step, search = _searched(study, "gait.step_length"), _searched(study, "foothold.rectangle.length")
-    _check_heights(source, legs, *_searched(study, "gait.hip_height"), step[1:], search)
-    if "gait.hip_height" in study.search.move:
+    _check_heights(source, legs, *_searched(study, "gait.workspace.high"), step[1:], search)
+    if "gait.workspace.high" in study.search.move:
         _check_heights(source, legs, "band", *study.band, (study.contestants.paper.step_length,) * 2, search)
 
 

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from jaxleg.gait.params import Support
 from jaxleg.gait.support import CogPoint
 from jaxleg.leg.energy import Convention
 from jaxleg.settings import setting
@@ -15,8 +16,8 @@ from jaxleg.walk.config import Navigation
 
 Span = tuple[float, float]
 EngineName = Literal["legged", "mjx"]
-BOUNDS: dict[str, Span] = {
-    "gait.hip_height": (0.40, 0.58),
+MOVE: dict[str, Span] = {  # what a search moves if it is told nothing else, and within which bounds
+    "gait.workspace.high": (0.40, 0.58),
     "gait.foot_offset": (-0.20, 0.10),
     "gait.skew": (0.0, 0.20),
     "gait.step_length": (0.12, 0.30),
@@ -27,13 +28,35 @@ BOUNDS: dict[str, Span] = {
     "gait.hind_share": (0.40, 0.60),
     "gait.lift_share": (0.02, 0.25),
 }
+WORKSPACE: dict[str, Span] = {
+    "gait.workspace.behind": (-0.40, 0.0),
+    "gait.workspace.ahead": (0.0, 0.40),
+    "gait.workspace.low": (0.30, 0.58),
+}
+BOUNDS = MOVE | WORKSPACE
+
+
+@dataclasses.dataclass(frozen=True)
+class Workspace:
+    """Where a foot may stand under its hip (paper A, IV.B.3); a bound that is not given does not bind."""
+
+    behind: float | None = setting(None, min=-2.0, max=2.0, unit="m", help="least L_F2H")
+    ahead: float | None = setting(None, min=-2.0, max=2.0, unit="m", help="greatest L_F2H")
+    low: float | None = setting(None, min=0.0, max=2.0, unit="m", help="least H_COG")
+    high: float = setting(0.48, above=0.0, max=2.0, unit="m", help="greatest H_COG, kept where the legs' reach allows")
+
+    def __post_init__(self) -> None:
+        for lower, upper in (("behind", "ahead"), ("low", "high")):
+            low, high = getattr(self, lower), getattr(self, upper)
+            if low is not None and high is not None and low > high:
+                raise ValueError(f"{lower} is {low:g}, but must not exceed {upper}, {high:g}")
 
 
 @dataclasses.dataclass(frozen=True)
 class Gait:
     """Gait parameters, paper A's letters in `jaxleg.gait.params.GaitParams`."""
 
-    hip_height: float = setting(0.48, above=0.0, max=2.0, unit="m", help="H_COG")
+    workspace: Workspace = setting(Workspace())
     foot_offset: float = setting(0.0, min=-1.0, max=1.0, unit="m", help="L_F2H centre, feet behind the hips: negative")
     skew: float = setting(0.0, min=-1.0, max=1.0, unit="m", help="L_Skew")
     step_length: float = setting(0.2, above=0.0, max=2.0, unit="m", help="L_Step")
@@ -49,7 +72,7 @@ class Gait:
 class Stance:
     """What sets one published parameter set (a contestant) apart; the rest of its gait is the kind's."""
 
-    hip_height: float = setting(above=0.0, max=2.0, unit="m")
+    workspace: Workspace
     foot_offset: float = setting(min=-1.0, max=1.0, unit="m")
     skew: float = setting(min=-1.0, max=1.0, unit="m")
     step_length: float = setting(0.2, above=0.0, max=2.0, unit="m")
@@ -59,9 +82,9 @@ class Stance:
 class Contestants:
     """Parameter sets to compare with: two readings of the paper's "traditional" (A15) and the paper's own."""
 
-    traditional: Stance = setting(Stance(0.48, 0.0, 0.0))
-    implied: Stance = setting(Stance(0.47, -0.10, 0.10))
-    paper: Stance = setting(Stance(0.50, -0.10, 0.10))
+    traditional: Stance = setting(Stance(Workspace(high=0.48), 0.0, 0.0))
+    implied: Stance = setting(Stance(Workspace(high=0.47), -0.10, 0.10))
+    paper: Stance = setting(Stance(Workspace(-0.20, 0.0, 0.48, 0.52), -0.10, 0.10))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,6 +129,7 @@ class Rectangle:
     search_width: float = setting(0.08, above=0.0, max=2.0, unit="m", help="W_Search")
     longer: float = setting(0.08, min=0.0, max=2.0, unit="m", help="added to the length in the second run")
     nominal_weight: float = setting(0.5, min=0.0, max=1.0, help="w1 of the feasible score; w2 = 1 - w1")
+    support: Support = setting("stance", help="a foot is inside its workspace landing and half a cycle on, or all the time")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,7 +145,7 @@ class Cog:
 class Search:
     """The descents on the proxy, and the polish in simulation."""
 
-    move: tuple[str, ...] = setting(tuple(BOUNDS), help="numbers of the planner by name: what `best` moves within its bounds")
+    move: tuple[str, ...] = setting(tuple(MOVE), help="numbers of the planner by name: what `best` moves within its bounds")
     starts: int = setting(4, min=1, max=10_000, help="starts of each of the three searches")
     lanes: int = setting(4, min=1, max=1_000_000, help="terrains of the first round; four times as many in each later one")
     steps: int = setting(10, min=1, max=1_000_000, help="most steps of a round")
@@ -195,7 +219,8 @@ def _rule(table: Any, key: str) -> Mapping[str, Any]:
 
 _BEND = {"min": 0.0, "max": np.deg2rad(120.0), "unit": "rad"}
 RULES: dict[str, Mapping[str, Any]] = {  # of what a study may move: those of the key that it comes from
-    **{f"gait.{field.name}": field.metadata for field in dataclasses.fields(Gait)},
+    **{f"gait.workspace.{field.name}": field.metadata for field in dataclasses.fields(Workspace)},
+    **{f"gait.{field.name}": field.metadata for field in dataclasses.fields(Gait) if field.name != "workspace"},
     "foothold.rectangle.length": _rule(Rectangle, "search_length"),
     "foothold.rectangle.width": _rule(Rectangle, "search_width"),
     "foothold.rectangle.longer": _rule(Rectangle, "longer"),

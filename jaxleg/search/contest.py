@@ -27,6 +27,7 @@ class Contest(NamedTuple):
     margin: np.ndarray  # least stability margin in simulation [m]
     bend: np.ndarray  # least knee bend [rad]
     lowering: np.ndarray  # [m]
+    inside: np.ndarray  # share of the feet's places that are inside the workspace
     fell: np.ndarray
     infeasible: np.ndarray  # not plannable, or the knee bend or a joint's range not kept
     slack: np.ndarray  # by constraint, last axis
@@ -47,6 +48,7 @@ def contest(score: Score, meters: Meters, least_bend: np.ndarray, contestants: i
         margin=meters.margin,
         bend=score.checks.knee_bend,
         lowering=score.checks.lowering,
+        inside=score.checks.inside,
         fell=meters.fell,
         infeasible=~keeps_limits(score.checks, least_bend),
         slack=score.slack,
@@ -113,7 +115,7 @@ def savings_by_engine(
 
 
 def summary(
-    held: Contest, i: int, params: Mapping[str, float], power: str, mass: float, resamples: int, seed: int
+    held: Contest, i: int, params: Mapping[str, float | None], power: str, mass: float, resamples: int, seed: int
 ) -> dict[str, Any]:
     """One contestant on one kind of terrain, for `result.json`; `params` are its planner's numbers by name."""
     on = held.usable[i]
@@ -134,11 +136,12 @@ def summary(
         "min_stability_margin": _least(held.margin[i, on]),
         "min_knee_bend_deg": _least(np.rad2deg(held.bend[i, on])),
         "lowering": _mean(held.lowering[i, on]),
+        "inside": _mean(held.inside[i, on]),
         "slip": _mean(held.slip[i, on]),
     }
 
 
-def active_constraints(held: Contest, i: int, params: Mapping[str, float], bounds: Mapping[str, Sequence[float]]) -> list[str]:
+def active_constraints(held: Contest, i: int, params: Mapping[str, Any], bounds: Mapping[str, Sequence[float]]) -> list[str]:
     """Names of the constraints and bounds that bind a contestant: the least slack over its lanes is within `ACTIVE`."""
     on = held.usable[i]
     if not on.any():

@@ -6,22 +6,27 @@ A search sees of a planner the vector of the numbers that it moves, in the order
 import dataclasses
 from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.foothold.rectangle import Extent, SearchRectangle, extent_of
 from jaxleg.gait.params import GaitParams
 from jaxleg.gait.support import CogRule
+from jaxleg.leg.workspace import Workspace
 from jaxleg.planner import Planner
 from jaxleg.search.config import Contestants, Gait, Kind, Rectangle, Span, Study
+from jaxleg.search.config import Workspace as Bounds
 from jaxleg.search.leaves import read_leaves, with_leaves
 from jaxleg.walk.presets import paper_a
 
 BASELINES = tuple(field.name for field in dataclasses.fields(Contestants))
 STAGES = ("best_i", "best_ii", "best")  # the searches; the first keeps to the paper's band of H_COG
 CONTESTANTS = BASELINES + STAGES
-STANCE = ("gait.hip_height", "gait.foot_offset", "gait.skew")  # all that the first two may move
-GAIT = tuple(f"gait.{field.name}" for field in dataclasses.fields(GaitParams))
+STANCE = ("gait.workspace.high", "gait.foot_offset", "gait.skew")  # all that the first two may move
+WORKSPACE = tuple(f"gait.workspace.{name}" for name in Workspace._fields)
+GAIT = (*WORKSPACE, *(f"gait.{field.name}" for field in dataclasses.fields(Gait) if field.name != "workspace"))
+UNBOUND = Workspace(-np.inf, np.inf, 0.0, np.inf)  # what stands for a bound that is not given
 
 
 def planner_of(study: Study, kind: Kind, gait: Gait) -> Planner:
@@ -29,7 +34,7 @@ def planner_of(study: Study, kind: Kind, gait: Gait) -> Planner:
     box, cog, simulation = study.rectangle, study.cog, study.simulation
     lengths = (box.search_length, box.search_width, box.longer, box.nominal_weight, 0.0)
     planner = paper_a(
-        gait=gait_params(gait),
+        gait=dataclasses.replace(gait_params(gait), support=box.support),
         rectangle=SearchRectangle(*(jnp.asarray(x, float) for x in lengths)),
         extent=_extent(study),
         cog=CogRule(jnp.asarray(cog.median_ratio, float), cog.rule),
@@ -44,7 +49,9 @@ def planner_of(study: Study, kind: Kind, gait: Gait) -> Planner:
 
 def gait_params(gait: Gait) -> GaitParams:
     """A gait of a configuration as arrays."""
-    return GaitParams(**{name: jnp.asarray(value, float) for name, value in dataclasses.asdict(gait).items()})
+    table = dataclasses.asdict(gait)
+    given = {name: bound for name, bound in table.pop("workspace").items() if bound is not None}
+    return GaitParams(**jax.tree.map(lambda x: jnp.asarray(x, float), table | {"workspace": UNBOUND._replace(**given)}))
 
 
 def _extent(study: Study) -> Extent:
@@ -73,9 +80,15 @@ def span_of(study: Study, leaf: str, fixed: Sequence[float]) -> Span:
 
 def contestant(study: Study, kind: str, name: str) -> Planner:
     """The planner of a published contestant on a kind of terrain."""
-    table = study.kinds[kind]
-    stance = dataclasses.asdict(getattr(study.contestants, name))
-    return planner_of(study, table, dataclasses.replace(table.gait, **stance))
+    table, stance = study.kinds[kind], getattr(study.contestants, name)
+    return planner_of(study, table, dataclasses.replace(table.gait, **vars(stance)))
+
+
+def searched_planner(study: Study, kind: str) -> Planner:
+    """The planner that a search moves the numbers of: the paper's with the kind's own bounds of the workspace."""
+    table, stance = study.kinds[kind], study.contestants.paper
+    own = dataclasses.replace(table.gait.workspace, high=stance.workspace.high)
+    return planner_of(study, table, dataclasses.replace(table.gait, **vars(stance) | {"workspace": own}))
 
 
 def baseline(study: Study, kind: str, name: str) -> np.ndarray:
@@ -85,24 +98,26 @@ def baseline(study: Study, kind: str, name: str) -> np.ndarray:
 
 def bounds(study: Study, kind: str, stage: str) -> np.ndarray:
     """Bounds (parameter, 2) of a search; what it does not move has both at the paper's value."""
-    spans = study.bounds | ({"gait.hip_height": study.band} if stage == "best_i" else {})
+    spans = study.bounds | ({"gait.workspace.high": study.band} if stage == "best_i" else {})
     free = study.search.move if stage == "best" else STANCE
-    fixed = baseline(study, kind, "paper").tolist()
+    fixed = np.asarray(read_leaves(searched_planner(study, kind), study.search.move)).tolist()
     return np.array([spans[name] if name in free else (value, value) for name, value in zip(study.search.move, fixed)])
 
 
 def contestants(study: Study, kind: str, best: np.ndarray) -> list[Planner]:
     """All planners on a kind, in the order of `CONTESTANTS`; `best` are the searches' vectors (stage, parameter)."""
-    paper, move = contestant(study, kind, "paper"), study.search.move
-    searched = [with_leaves(paper, move, jnp.asarray(vector, float)) for vector in best]
-    return [*(contestant(study, kind, name) for name in BASELINES), *searched]
+    own, move = searched_planner(study, kind), study.search.move
+    moved = [with_leaves(own, move, jnp.asarray(vector, float)) for vector in best]
+    return [*(contestant(study, kind, name) for name in BASELINES), *moved]
 
 
-def numbers(study: Study, planner: Planner) -> dict[str, float]:
-    """The numbers of a planner that results name: its gait's, and what else the study moves."""
+def numbers(study: Study, planner: Planner) -> dict[str, float | None]:
+    """The numbers of a planner that results name: its gait's, and what else the study moves. A bound that does not bind is
+    None."""
     names = tuple(dict.fromkeys((*GAIT, *study.search.move)))
-    values = np.asarray(read_leaves(planner, names))
-    return {short_name(name): float(str(value)) for name, value in zip(names, values)}  # no more digits than it is exact to
+    values = {name: float(str(value)) for name, value in zip(names, np.asarray(read_leaves(planner, names)))}  # exact digits
+    loose = {name for name, bound in zip(WORKSPACE, UNBOUND) if values[name] == bound}
+    return {short_name(name): None if name in loose else value for name, value in values.items()}
 
 
 def short_name(leaf: str) -> str:
@@ -115,6 +130,7 @@ def with_best(study: Study, chosen: dict[str, np.ndarray]) -> Study:
     kinds = {}
     for kind, table in study.kinds.items():
         best = numbers(study, contestants(study, kind, chosen[kind])[-1])
-        gait = Gait(**{short_name(name): best.pop(short_name(name)) for name in GAIT})
-        kinds[kind] = dataclasses.replace(table, gait=gait, leaves=table.leaves | best)
+        own = {short_name(name): best.pop(short_name(name)) for name in GAIT}
+        workspace = {name: own.pop(f"workspace.{name}") for name in Workspace._fields}
+        kinds[kind] = dataclasses.replace(table, gait=Gait(Bounds(**workspace), **own), leaves=table.leaves | best)
     return dataclasses.replace(study, kinds=kinds)

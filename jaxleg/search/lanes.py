@@ -154,7 +154,7 @@ class Lab:
         self, planner: Planner, needs: Needs, lowering: Float[Array, ""], setting: Setting
     ) -> tuple[Float[Array, "*n"], ...]:
         """What is left of each need, or of all of them at many instants, to each of `CONSTRAINTS`."""
-        height, step, search = read_leaves(planner, ("gait.hip_height", "gait.step_length", "foothold.rectangle.length"))
+        height, step, search = read_leaves(planner, ("gait.workspace.high", "gait.step_length", "foothold.rectangle.length"))
         gait = gait_constraints(self.robot, height - lowering, step, search)
         of_plan = (needs.knee_bend - setting.least_bend, needs.margin - setting.margin, 1.0 + needs.torque)
         return (*of_plan, needs.load - LEAST_LOAD, needs.joint_room, *gait)

@@ -1,4 +1,4 @@
-"""The numbers of a planner by name, as "gait.hip_height" or "posture.levelling": what a search may move."""
+"""The numbers of a planner by name, as "gait.workspace.high" or "posture.levelling": what a search may move."""
 
 import dataclasses
 import difflib

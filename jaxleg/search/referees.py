@@ -27,7 +27,7 @@ def replay_contest(lab: Lab, vectors: np.ndarray, lanes: Lanes, contestants: int
     infeasible = ~keeps_limits(plan.checks, np.asarray(lanes.setting.least_bend))
     number = plan.slack.dtype
     fields = (energy, way[:, 0], seen.time, seen.slip, seen.margin)
-    numbers = [np.asarray(x, number) for x in fields] + [plan.checks.knee_bend, plan.checks.lowering]
+    numbers = [np.asarray(x, number) for x in fields] + [plan.checks.knee_bend, plan.checks.lowering, plan.checks.inside]
     data = Contest(*numbers, seen.fell, infeasible, plan.slack)
     return Contest(*(x.reshape(contestants, -1, *x.shape[1:]) for x in data))
 

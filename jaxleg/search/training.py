@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.leg.energy import CONVENTIONS
-from jaxleg.search.contestants import baseline, contestant
+from jaxleg.search.contestants import baseline, contestant, searched_planner
 from jaxleg.search.lanes import Setting, settings_of
 from jaxleg.search.run import Run
 from jaxleg.search.sites import make_sites
@@ -39,7 +39,7 @@ def training_lanes(state: Run, kind: str) -> Lanes:
     began = time.perf_counter()
     site = make_sites(state.study, state.robot, kind, held_out=False)
     count = site.valid.shape[0]
-    setting = settings_of(contestant(state.study, kind, "paper"), count)
+    setting = settings_of(searched_planner(state.study, kind), count)
 
     def measure() -> np.ndarray:
         vectors = np.tile(baseline(state.study, kind, "traditional"), (count, 1))

@@ -10,7 +10,7 @@ import numpy as np
 from jaxleg.search import agreement, referees
 from jaxleg.search.config import Study
 from jaxleg.search.contest import Contest, contest
-from jaxleg.search.contestants import CONTESTANTS, STAGES, bounds, contestant, contestants
+from jaxleg.search.contestants import CONTESTANTS, STAGES, bounds, contestants, searched_planner
 from jaxleg.search.lanes import CONSTRAINTS, settings_of
 from jaxleg.search.leaves import read_leaves
 from jaxleg.search.run import Run
@@ -64,7 +64,7 @@ def empty_contest(count: int, lanes: int) -> Contest:
     """A contest of the right shapes and types, to load a saved one into."""
     number, flag = np.zeros((count, lanes), np.asarray(jnp.zeros((), float)).dtype), np.zeros((count, lanes), bool)
     by_convention, by_constraint = (np.zeros((count, lanes, n), number.dtype) for n in (3, len(CONSTRAINTS)))
-    return Contest(by_convention, number, number, number, number, number, number, flag, flag, by_constraint)
+    return Contest(by_convention, number, number, number, number, number, number, number, flag, flag, by_constraint)
 
 
 def check_proxy(state: Run) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def check_proxy(state: Run) -> dict[str, Any]:
         parts = []
         for kind, count in zip(kinds, counts):
             site = make_sites(study, state.robot, kind, held_out=False)
-            lanes = Lanes(site, settings_of(contestant(study, kind, "paper"), site.valid.shape[0]))
+            lanes = Lanes(site, settings_of(searched_planner(study, kind), site.valid.shape[0]))
             span = bounds(study, kind, STAGES[-1])
             key = jax.random.fold_in(jax.random.key(study.seed), 200 + state.kinds.index(kind))
             parts.append(agreement.random_gaits(state.lab, key, lanes, span, count))

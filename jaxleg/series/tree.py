@@ -44,7 +44,7 @@ class Nodes(NamedTuple):
     attempt: Callable[[Any, Any, Int[Array, ""], Int[Array, ""]], Tried]  # (state, data, step, candidate) -> `Tried`
 
 
-CAUSES = 10  # most kinds of failure that are told apart
+CAUSES = 11  # most kinds of failure that are told apart
 
 
 class Series(NamedTuple):

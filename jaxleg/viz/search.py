@@ -95,7 +95,7 @@ def parameters(result: Mapping[str, Any], path: str | Path) -> None:
 
 
 def _with_unit(name: str) -> str:
-    unit = RULES[name if "." in name else f"gait.{name}"]["unit"]
+    unit = RULES[name if name in RULES else f"gait.{name}"]["unit"]
     return name.replace("_", " ") + (f" [{unit}]" if unit else "")
 
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.search.config import Study
-from jaxleg.search.contestants import contestant, short_name
+from jaxleg.search.contestants import searched_planner, short_name
 from jaxleg.search.lanes import Lab, Setting, settings_of
 from jaxleg.search.sites import make_sites
 from jaxleg.viz.gait import gait
@@ -43,7 +43,7 @@ def _best_gait(study: Study, lab: Lab, result: dict[str, Any], plan: Callable[..
     sites = make_sites(study, lab.robot, kind, held_out=True)
     site = jax.tree.map(lambda x: x[-1], sites)
     vector = jnp.asarray([result["best"][kind]["params"][short_name(name)] for name in lab.move], float)
-    walk, track = plan(vector, site, settings_of(contestant(study, kind, "paper")))
+    walk, track = plan(vector, site, settings_of(searched_planner(study, kind)))
     if np.isfinite(np.asarray(track.joint_torque)).all():
         gait(lab.robot, walk, track, site.terrain, path)
 

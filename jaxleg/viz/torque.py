@@ -28,7 +28,7 @@ STEP = 5.0  # between filled levels [N m]
 def torque_maps(robot: Robot, before: dict[str, float], after: dict[str, float], path: str | Path) -> None:
     """Absolute thigh and knee torque and their sum [N m] over the foot's place under a quarter weight.
 
-    `before` and `after` hold hip_height, foot_offset and step_length [m]: the foot sweeps foot_offset +-
+    `before` and `after` hold workspace.high, foot_offset and step_length [m]: the foot sweeps foot_offset +-
     step_length / 2. The axes span L_F2H within 7/12 of the leg's length and H_COG from a third of it up.
     """
     leg, force = float(leg_length(robot)), float(robot.mass) * GRAVITY / 4.0
@@ -75,7 +75,7 @@ def _workspaces(ax: Axes, before: dict[str, float], after: dict[str, float]) -> 
     for gait, colour in ((before, RED), (after, GREEN)):
         ends = gait["foot_offset"] + 0.5 * gait["step_length"] * np.array([-1.0, 1.0])
         for width, ink in ((7.0, "white"), (4.5, colour)):
-            ax.plot(ends, [gait["hip_height"]] * 2, color=ink, lw=width, solid_capstyle="butt", zorder=5)
+            ax.plot(ends, [gait["workspace.high"]] * 2, color=ink, lw=width, solid_capstyle="butt", zorder=5)
 
 
 def _legend() -> list:

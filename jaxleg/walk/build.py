@@ -156,12 +156,12 @@ def _flights(planner, robot, site, shape: Layout, count, before, after):
 def lowered(
     planner: Planner, robot: Robot, shape: Layout, moves: Moves | Phases, poses: Float[Array, "pose 6"]
 ) -> tuple[Any, Float[Array, "pose 6"], Float[Array, ""]]:
-    """Moves (or phases) and poses, the trunk lowered until every leg keeps the least knee bend (A17), and how far at most [m].
+    """Moves (or phases) and poses, the trunk lowered at each way-point until every leg keeps the least knee bend (A17), and how
+    far at most [m].
 
     Distances to a fixed foot peak at the ends of a phase, those to a swinging one in between.
     """
-    lowering = planner.posture.lowering
-    if lowering == "none":
+    if planner.posture.lowering == "none":
         return moves, poses, jnp.zeros((), poses.dtype)
     shares = jnp.linspace(0.0, 1.0, 5, dtype=poses.dtype)
 
@@ -172,8 +172,7 @@ def lowered(
 
     by_phase = jnp.max(jax.vmap(lambda s: jax.vmap(needed, in_axes=(0, None))(moves, s))(shares), axis=0)
     start, end = _way_points(planner, shape, poses.shape[0])
-    down = jnp.zeros(poses.shape[0], poses.dtype)
-    down = down + jnp.max(by_phase) if lowering == "walk" else down.at[start].max(by_phase).at[end].max(by_phase)
+    down = jnp.zeros(poses.shape[0], poses.dtype).at[start].max(by_phase).at[end].max(by_phase)
     lower = jnp.zeros((1, 6), poses.dtype).at[0, 2].set(-1.0)
     trunk_from, trunk_to = moves.trunk_from + down[start][:, None] * lower, moves.trunk_to + down[end][:, None] * lower
     poses = poses + down[_first_alike(planner, np.arange(poses.shape[0]), poses.shape[0])][:, None] * lower

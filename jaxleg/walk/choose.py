@@ -1,17 +1,23 @@
 """A planner's choices: footholds and poses along stations, exact and without a gradient. Paper A, IV.B; C, 3.3."""
 
+import functools
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jaxleg.foothold.cascade import Cascade
 from jaxleg.foothold.contract import Footholds, FootholdStatus, Proposal
+from jaxleg.foothold.soft import Softness, soft_stance
 from jaxleg.gait.nominal import nominal_foothold, nominal_stances
 from jaxleg.gait.order import STEP_LEGS
 from jaxleg.gait.timing import shift_time
 from jaxleg.planner import Planner
+from jaxleg.posture.workspace import stance_room
 from jaxleg.robot import Robot
-from jaxleg.rotations import to_heading
+from jaxleg.rotations import to_heading, turned
 from jaxleg.route.stations import Stations
 from jaxleg.series.candidates import adjustment_of, pruned, steps_away
 from jaxleg.series.kinds import Greedy
@@ -23,6 +29,7 @@ from jaxleg.walk.choices import Choices
 from jaxleg.walk.feasible import Standing, feasible, holding_power
 
 LEGS_OF = np.array(STEP_LEGS)
+Find = Callable[..., Footholds]  # a stance's footholds, see `foothold.contract`
 
 
 def choose(planner: Planner, robot: Robot, site: Site, stations: Stations, steps: int) -> tuple[Choices, Series | None]:
@@ -40,10 +47,24 @@ def choose(planner: Planner, robot: Robot, site: Site, stations: Stations, steps
 
 def greedy(planner: Planner, robot: Robot, site: Site, stations: Stations, steps: int) -> Choices:
     """The footholds that each stance's four feet find first. Paper A, IV.B.3."""
+    return found_by(planner.foothold.stance, planner, robot, site, stations, steps)
+
+
+def softly(planner: Planner, robot: Robot, site: Site, stations: Stations, steps: int, softness: Softness) -> Choices:
+    """`greedy` of a cascade, its choice made soft: differentiable in the planner's numbers, the workspace's bounds too.
+
+    Raises TypeError for a planner whose footholds are no `Cascade`.
+    """
+    if not isinstance(planner.foothold, Cascade):
+        raise TypeError(f"this planner's foothold is {type(planner.foothold).__name__}, but must be Cascade to be made soft")
+    return found_by(functools.partial(soft_stance, planner.foothold, softness), planner, robot, site, stations, steps)
+
+
+def found_by(find: Find, planner: Planner, robot: Robot, site: Site, stations: Stations, steps: int) -> Choices:
+    """The choices of a walk whose stances find their footholds one after another."""
     stances = steps // 4 + 1
     nominal, yaw = nominal_stances(planner.gait, stations, stances)
-    find = jax.vmap(planner.foothold.stance, in_axes=(None, None, None, 0, 0))
-    found = find(robot, planner.gait, site, nominal, yaw[:, 0])
+    found = stance_by_stance(find, planner, robot, site, stations, nominal, yaw[:, 0])
     count = jnp.minimum(2 * stations.count, steps) if planner.standing else jnp.full((), steps, jnp.int32)
     step = jnp.arange(steps, dtype=jnp.int32).reshape(-1, 4)
     walked = jnp.concatenate([jnp.ones((1, 4), bool), (step < count)[:, np.argsort(STEP_LEGS)]])
@@ -51,6 +72,28 @@ def greedy(planner: Planner, robot: Robot, site: Site, stations: Stations, steps
     status = jnp.where(missing, Status.NO_FOOTHOLD, Status.OK).astype(jnp.int32)
     offset = jax.vmap(jax.vmap(to_heading))(found.offset, yaw)
     return Choices(offset, found.status, jnp.zeros((steps, 3), jnp.int32), count, status)
+
+
+def stance_by_stance(find: Find, planner: Planner, robot: Robot, site: Site, stations: Stations, nominal, yaw) -> Footholds:
+    """Footholds that `find` finds for stances (leading axis) one after another: where the hips are as the feet of one land,
+    and so whether these are inside the workspace, depends on the stance before. Before the first they stood a step behind."""
+    stance = np.arange(len(nominal))
+    turns = stations.yaw[np.maximum(2 * stance[:, None] + np.array([-1, 0]), 0)]  # in the right and the left legs' swings
+    first = jnp.asarray(stance == 0)
+
+    def step_to(before, here):
+        nominal, yaw, turns, first = here
+        back = turned(jnp.stack([planner.gait.step_length, jnp.zeros_like(yaw)]), yaw)
+
+        def room(feet):
+            behind = feet.at[:, :2].add(-back[None])
+            return stance_room(robot, planner.gait, planner.posture, jnp.where(first, behind, before), feet, turns)
+
+        found = find(robot, planner.gait, site, nominal, yaw, room)
+        return on_ground(robot, site.terrain, nominal + found.offset), found
+
+    nowhere = jnp.zeros((4, 3), nominal.dtype)
+    return jax.lax.scan(step_to, nowhere, (nominal, yaw, turns, first))[1]
 
 
 def tree(planner: Planner, robot: Robot, site: Site, stations: Stations, steps: int) -> tuple[Choices, Series]:

@@ -7,6 +7,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxleg.gait.order import SHIFT
 from jaxleg.gait.params import GaitParams
 from jaxleg.gait.phases import Phases
+from jaxleg.leg.workspace import Workspace
 from jaxleg.pytree import pytree, static
 
 
@@ -60,4 +61,6 @@ class PlanChecks(NamedTuple):
     load: Float[Array, ""]  # least vertical force of a standing foot over a quarter of the weight: at 0 it lifts off
     joint_room: Float[Array, ""]  # least distance of a joint to the end of its range [rad]; negative: beyond it
     lowering: Float[Array, ""]  # [m]
+    used: Workspace  # the smallest that the feet stood in wherever they are asked to be inside theirs
+    inside: Float[Array, ""]  # share of these places that are
     status: Int[Array, ""]  # Status

@@ -17,6 +17,7 @@ from jaxleg.leg.moving import Moving
 from jaxleg.planner import Limits, Planner
 from jaxleg.posture.body import com_position, joint_angles
 from jaxleg.posture.collision import leg_clearance, trunk_clearance
+from jaxleg.posture.workspace import inside, room, stood
 from jaxleg.robot import Robot
 from jaxleg.rotations import trunk_rows
 from jaxleg.series.tree import CAUSES
@@ -77,6 +78,7 @@ def feasible(
     touched = jnp.any(seen.legs < 0.0, axis=0)
     finite = jnp.isfinite(jnp.sum(pose) + jnp.sum(target) + top)
     torque, load = held_still(robot, feet[-3], pose, (~swinging[0]).astype(pose.dtype))
+    under = stood(robot, planner.gait, pose, stance.feet, stance.feet.at[leg].set(target), leg)
     causes = [
         (~finite, Status.NOT_FINITE),
         (~jnp.all(seen.reach), Status.KINEMATICS),
@@ -86,6 +88,7 @@ def feasible(
         (touched[1] | (jnp.min(seen.trunk) < 0.0), Status.COLLISION),
         (jnp.any(jnp.abs(torque) > robot.torque_limit), Status.TORQUE),
         (jnp.any((load < 0.0) & ~swinging[0]), Status.LOAD),
+        (~jnp.all(inside(room(planner.gait, under))), Status.WORKSPACE),
     ]
     return jnp.select([bad for bad, _ in causes], [cause for _, cause in causes], Status.OK).astype(jnp.int32)
 

@@ -38,7 +38,7 @@ def level_stance(robot: Robot, planner: Planner) -> LevelStance:
         angles, status = joint_angles(robot, pose, feet)
         torque, _ = held_still(robot, feet, pose, jnp.ones_like(x))
         return LevelStance(
-            height=gait.hip_height + above,
+            height=above + gait.workspace.high,
             reach=jnp.all(status == Reach.OK),
             bend=jnp.min(jax.vmap(knee_bend)(robot.joint_axis, robot.link_offset, angles)),
             room=jnp.min(range_slack(robot.joint_range, angles)),

@@ -20,6 +20,7 @@ from jaxleg.leg.kinematics import Reach
 from jaxleg.robot import Robot
 from jaxleg.status import Status
 from jaxleg.walk.data import PlanChecks, Walk
+from jaxleg.walk.inside import stood_in
 from jaxleg.walk.reference import Instant, at_places, phase_instant
 
 BATCH = 512  # instants of a walk worked out together
@@ -92,11 +93,11 @@ def checks(robot: Robot, walk: Walk, at: Instant, needs: Needs, used: Bool[Array
     """The least of all `needs`, and the status of a walk with these instants."""
     bend, margin, torque, load, room = (jnp.min(x) for x in needs)
     status = _status(robot, walk, jnp.any(used[None] & (at.reach != Reach.OK)), margin - torque + load)
-    return PlanChecks(bend, margin, -torque, load, room, walk.lowering, status)
+    return PlanChecks(bend, margin, -torque, load, room, walk.lowering, *stood_in(robot, walk), status)
 
 
 def _status(robot, walk, beyond, numbers):
-    low = walk.gait.hip_height - walk.lowering <= -robot.link_offset[0, 1, 2]
+    low = walk.gait.workspace.high - walk.lowering <= -robot.link_offset[0, 1, 2]
     outside = low | beyond | jnp.any(walk.phases.duration <= 0.0)
     status = jnp.where(outside, Status.KINEMATICS, Status.OK)
     status = jnp.where(jnp.isfinite(numbers), status, Status.NOT_FINITE)

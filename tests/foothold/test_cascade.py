@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.foothold.cascade import Reachable, choose_stance, reachable_heights, soft_offset
+from jaxleg.foothold.cascade import Reachable, choose_stance, reachable_heights
 from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.foothold.rectangle import Extent, SearchRectangle, extent_of, feasible_score
 from jaxleg.leg.kinematics import Reach, knee_bend, leg_angles
@@ -198,21 +198,6 @@ def test_the_score_is_one_at_nominal_and_zero_in_the_corner():
     assert score(np.zeros(2), box, 0.0) == 1.0
     assert abs(score(np.array([0.15, 0.04]), box, 0.0)) < 1e-12  # both distances at their largest: f = 0
     assert abs(score(np.array([0.19, 0.04]), box, 0.08)) < 1e-12
-
-
-@jax.jit
-def soft(weight, temperature, ground):
-    return soft_offset(jnp.asarray(NOMINAL), ground.valid, ground.terrain, rectangle(w1=weight), ANYWHERE, EXTENT, temperature)
-
-
-def test_the_soft_choice_tends_to_the_exact_one_and_has_a_true_gradient():
-    ground = site(np.random.default_rng(5).random((80, 50)) < 0.8)
-    exact = chosen(NOMINAL, ground, rectangle(w1=0.45))
-    assert np.asarray(exact.status)[0] == FootholdStatus.NOMINAL
-    np.testing.assert_allclose(soft(0.45, 1e-5, ground), np.asarray(exact.offset)[0], atol=1e-6)
-    slope = jax.jit(jax.jacfwd(soft))(0.45, 0.1, ground)
-    difference = np.subtract(soft(0.45 + 1e-5, 0.1, ground), soft(0.45 - 1e-5, 0.1, ground)) / 2e-5
-    np.testing.assert_allclose(slope, difference, rtol=1e-5, atol=1e-9)
 
 
 @pytest.mark.parametrize("nowhere", [np.nan, np.inf, -np.inf, 1e30])

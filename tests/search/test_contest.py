@@ -20,7 +20,7 @@ def contest(energy, fell=None, infeasible=None, slack=None):
     by_constraint = np.full((*energy.shape, len(CONSTRAINTS)), 1.0) if slack is None else slack
     return Contest(
         np.stack([energy, 2 * energy, 3 * energy], axis=-1),
-        *(zero, zero, zero, zero, zero, zero),
+        *(zero, zero, zero, zero, zero, zero, zero),
         no if fell is None else np.asarray(fell),
         no if infeasible is None else np.asarray(infeasible),
         by_constraint,
@@ -65,14 +65,14 @@ def test_what_binds_is_named():
     slack = np.full((3, 2, len(CONSTRAINTS)), 1.0)
     slack[2, 1, CONSTRAINTS.index("margin")] = 0.001
     bounds = {"skew": (0.0, 1.0), "swing_height": (0.0, 1.0), "posture.cog.ratio": (0.2, 0.8), "step_length": (0.2, 0.2)}
-    params = {"skew": 0.5, "swing_height": 0.0, "posture.cog.ratio": 0.795, "step_length": 0.2, "hip_height": 0.0}
+    params = {"skew": 0.5, "swing_height": 0.0, "posture.cog.ratio": 0.795, "step_length": 0.2, "workspace.high": 0.0}
     named = active_constraints(contest(np.ones((3, 2)), slack=slack), 2, params, bounds)
     assert named == ["margin", "swing_height at its lower bound", "posture.cog.ratio at its upper bound"]
 
 
 def test_a_plan_beyond_a_joints_range_is_infeasible_and_punished():
     """A robot with knees from 48 degrees on that is given 20: 28 units of a degree."""
-    checks = PlanChecks(*map(np.asarray, (np.deg2rad(20.0), 0.1, 0.5, 1.0, np.deg2rad(-28.0), 0.0, Status.OK)))
+    checks = PlanChecks(*map(np.asarray, (np.deg2rad(20.0), 0.1, 0.5, 1.0, np.deg2rad(-28.0), 0.0, None, 1.0, Status.OK)))
     assert not keeps_limits(checks, np.deg2rad(20.0))
     assert keeps_limits(checks._replace(joint_room=np.asarray(np.deg2rad(-0.1))), np.deg2rad(20.0))
     assert not keeps_limits(checks._replace(joint_room=np.asarray(np.nan)), np.deg2rad(20.0))
@@ -93,6 +93,7 @@ def test_one_contestants_figures_by_hand():
         margin=rows(0.08, 0.06, -1.0, -1.0),
         bend=np.deg2rad(rows(40.0, 35.0, 1.0, 1.0)),
         lowering=rows(0.0, 0.02, 9.0, 9.0),
+        inside=rows(1.0, 0.5, 9.0, 9.0),
         fell=np.array([[False, False, True, False]]),
         infeasible=np.array([[False, False, False, True]]),
         slack=np.ones((1, 4, len(CONSTRAINTS))),
@@ -106,6 +107,7 @@ def test_one_contestants_figures_by_hand():
     assert (seen["lanes"], seen["falls"], seen["infeasible"]) == (4, 1, 1)
     assert (seen["min_stability_margin"], seen["min_knee_bend_deg"]) == (0.06, pytest.approx(35.0))
     assert (seen["lowering"], seen["slip"]) == (pytest.approx(0.01), pytest.approx(0.02))
+    assert seen["inside"] == pytest.approx(0.75)
     assert seen["params"] == {"skew": 0.1}
 
 
@@ -114,7 +116,7 @@ def test_lanes_are_arranged_by_contestant_and_judged():
     number, three = np.arange(6.0), np.arange(18.0).reshape(6, 3)
     bend = np.deg2rad([20.0, 19.85, 19.7, 30.0, 30.0, 30.0])
     status = np.where(np.arange(6) == 4, Status.NO_FOOTHOLD, Status.OK)
-    checks = PlanChecks(bend, number, number, number, np.ones(6), number + 0.5, status)
+    checks = PlanChecks(bend, number, number, number, np.ones(6), number + 0.5, None, number / 6.0, status)
     fell = np.arange(6) == 1
     moved, slip = np.stack([number, 0.1 * number], 1), np.stack([number] * 4, 1) * np.arange(4)
     meters = Meters(None, moved, 2 * number, slip, number, 3 * number, number, fell)

@@ -13,7 +13,17 @@ from jaxleg.foothold.rectangle import Extent
 from jaxleg.robot import load_robot
 from jaxleg.search.checks import HEADINGS
 from jaxleg.search.config import BOUNDS, RULES, Gait, Kind, Search, Simulation, Study
-from jaxleg.search.contestants import GAIT, baseline, contestant, contestants, numbers, planner_of, with_best
+from jaxleg.search.contestants import (
+    GAIT,
+    WORKSPACE,
+    baseline,
+    contestant,
+    contestants,
+    numbers,
+    planner_of,
+    searched_planner,
+    with_best,
+)
 from jaxleg.search.leaves import leaf_names, read_leaves
 from jaxleg.search.navigate import navigator_of
 from jaxleg.settings import dump, load
@@ -38,15 +48,18 @@ def values(planner):
 def test_everything_but_the_heading_has_its_limits():
     planner = planner_of(STUDY, Kind(), Gait())
     assert set(leaf_names(planner)) == {*RULES, *HEADINGS}
-    assert tuple(BOUNDS) == GAIT
+    assert set(BOUNDS) == set(GAIT)
     assert STUDY.bounds == BOUNDS | {"posture.cog.ratio": (0.2, 0.8), "swing.clearance": (0.01, 0.1)}  # the others' stay
 
 
 def test_contestants_differ_by_their_stance_alone():
     traditional, paper = (values(contestant(STUDY, "flat", name)) for name in ("traditional", "paper"))
     apart = {name for name in paper if paper[name] != traditional[name]}
-    assert apart == {"gait.hip_height", "gait.foot_offset", "gait.skew"}
-    assert [paper[name] for name in sorted(apart)] == [-0.10, 0.50, 0.10]
+    space = dict(zip(WORKSPACE, (-0.20, 0.0, 0.48, 0.52)))
+    assert {name: paper[name] for name in apart} == space | {"gait.foot_offset": -0.10, "gait.skew": 0.10}
+    assert [traditional[name] for name in WORKSPACE] == [-np.inf, np.inf, 0.0, 0.48]
+    own = values(searched_planner(STUDY, "flat"))  # what searches move begins without a workspace
+    assert {name for name in own if own[name] != paper[name]} == set(WORKSPACE[:3])
     assert paper["gait.lift_share"] == 0.2
     assert_allclose([paper["limits.knee_bend"], paper["foothold.least_bend"]], np.deg2rad(35.0))
     assert (paper["timing.speed"], paper["swing.clearance"], paper["foothold.rectangle.length"]) == (0.05, 0.02, 0.30)
@@ -89,8 +102,10 @@ def test_the_best_answer_written_and_read_again_is_the_same_planner(tmp_path, si
 def test_results_name_the_gaits_numbers_and_what_else_moves():
     with jax.enable_x64(False):
         seen = numbers(STUDY, contestant(STUDY, "flat", "implied"))
-    gait = dataclasses.asdict(Gait(0.47, -0.10, 0.10, lift_share=0.2))
-    assert seen == gait | {"posture.cog.ratio": 0.5, "swing.clearance": 0.02}  # and no digits of single precision
+    gait = dataclasses.asdict(Gait(foot_offset=-0.10, skew=0.10, lift_share=0.2))
+    bounds = {f"workspace.{name}": None for name in ("behind", "ahead", "low")} | {"workspace.high": 0.47}
+    del gait["workspace"]
+    assert seen == gait | bounds | {"posture.cog.ratio": 0.5, "swing.clearance": 0.02}  # and no digits of single precision
 
 
 def test_paper_cs_planner_takes_the_swing_from_a_kinds_own_numbers():

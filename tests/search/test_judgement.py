@@ -10,6 +10,7 @@ from jaxleg.foothold.rectangle import Extent, SearchRectangle
 from jaxleg.gait.params import GaitParams
 from jaxleg.gait.support import CogRule
 from jaxleg.leg.energy import Power
+from jaxleg.leg.workspace import up_to
 from jaxleg.search.lanes import CONSTRAINTS, Setting, penalty, per_metre
 from jaxleg.search.leaves import leaf_names, read_leaves
 from jaxleg.status import Status
@@ -26,9 +27,11 @@ CHECKS = PlanChecks(
     load=jnp.asarray(0.30),
     joint_room=jnp.asarray(0.4),
     lowering=jnp.asarray(0.02),
+    used=up_to(jnp.asarray(0.5)),
+    inside=jnp.asarray(1.0),
     status=jnp.asarray(Status.OK),
 )
-GAIT = GaitParams(*(jnp.asarray(x) for x in (0.5, -0.1, 0.1, 0.2, 0.62, 0.36, 0.08, 0.45, 0.5, 0.1)))
+GAIT = GaitParams(up_to(jnp.asarray(0.5)), *(jnp.asarray(x) for x in (-0.1, 0.1, 0.2, 0.62, 0.36, 0.08, 0.45, 0.5, 0.1)))
 fined, slope_of = jax.jit(penalty), jax.jit(jax.grad(penalty))
 RECTANGLE = SearchRectangle(*(jnp.asarray(x) for x in (0.30, 0.08, 0.08, 0.5, 0.0)))
 PLANNER = paper_a(GAIT, RECTANGLE, Extent((0, 0), 0), CogRule(jnp.asarray(0.5)), speed=0.05, least_bend=0.35)

@@ -11,7 +11,7 @@ from jaxleg.walk.config import Navigation
 from jaxleg.walk.presets import paper_c
 from tests.crawls import gait
 
-NAMES = ("gait.hip_height", "posture.cog.ratio", "series.adjustments.height", "route.turn")
+NAMES = ("gait.workspace.high", "posture.cog.ratio", "series.adjustments.height", "route.turn")
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def test_it_is_differentiable(planner):
 
 
 def test_an_unknown_name_is_refused_with_the_nearest(planner):
-    with pytest.raises(InputError, match=r"gait\.hip_hight.*did you mean gait\.hip_height\?"):
-        read_leaves(planner, ["gait.hip_hight"])
+    with pytest.raises(InputError, match=r"gait\.workspace\.hihg.*did you mean gait\.workspace\.high\?"):
+        read_leaves(planner, ["gait.workspace.hihg"])
     with pytest.raises(InputError, match="there are: "):
         read_leaves(planner, ["wings"])

@@ -51,8 +51,8 @@ def test_the_baseline_is_the_traditional_planner_whole(state, lanes):
     rows, alone = np.tile(read_leaves(planner, MOVE), (lanes.number, 1)), settings_of(planner, lanes.number)
     energy = state.lab.proxy_gradients(rows, lanes.site, alone)[0].energy[:, CONVENTIONS.index("positive")]
     assert_allclose(lanes.setting.energy, energy.mean())
-    assert np.all(np.asarray(alone.planner.gait.hip_height) == 0.48)
-    assert np.all(np.asarray(lanes.setting.planner.gait.hip_height) == 0.50)
+    assert np.all(np.asarray(alone.planner.gait.workspace.high) == 0.48)
+    assert np.all(np.asarray(lanes.setting.planner.gait.workspace.high) == 0.52)
 
 
 def test_gradients_are_those_of_central_differences(state, lanes):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from jaxleg.cli import main
-from jaxleg.search.config import Gait, Kind, Study
+from jaxleg.search.config import Gait, Kind, Study, Workspace
 from jaxleg.search.navigate import navigate, navigator_of, on_valid_cells, simulate_all, survey_all
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.legged import legged_engine
@@ -31,7 +31,9 @@ def small(study):
 
 @pytest.fixture(scope="module")
 def planned(pegasus):
-    navigator = navigator_of(small(Study(kinds={"flat": Kind()})), pegasus, Gait(hip_height=0.46), GRID.resolution)
+    navigator = navigator_of(
+        small(Study(kinds={"flat": Kind()})), pegasus, Gait(workspace=Workspace(high=0.46)), GRID.resolution
+    )
     ground = terrain("cuboids", GRID, jax.random.key(3), 0.5, TerrainSettings())
     surveys = survey_all(navigator, jax.tree.map(lambda x: np.asarray(x)[None], ground))
     walked, _ = navigate(navigator, surveys, START, GOAL)
@@ -62,7 +64,7 @@ def test_the_walk_in_simulation_keeps_to_the_plan(planned, pegasus):
 def test_plan_and_replay_from_the_command_line(tmp_path, capsys):
     config = tmp_path / "study.toml"
     config.write_text(
-        f"robot = '{ROBOT}'\n[kinds.flat]\ngait = {{ hip_height = 0.46 }}\n[navigation.path]\nsteps = 60\ncells = 90\n"
+        f"robot = '{ROBOT}'\n[kinds.flat]\ngait.workspace = {{ high = 0.46 }}\n[navigation.path]\nsteps = 60\ncells = 90\n"
     )
     out, figure, video = tmp_path / "plan.npz", tmp_path / "plan.png", tmp_path / "walk.gif"
     ends = ("--start", "1.0", "1.0", "--goal", "2.0", "1.2", "--difficulty", "0.4")

@@ -292,7 +292,7 @@ def test_pictures_that_fail_lose_no_result(answer, whole, tmp_path, robot, monke
     monkeypatch.setattr(pictures, "study_pictures", lambda *_: {"bad.png": fail, "good.png": lambda file: file.touch()})
     assert run_study(STUDY, robot, ROBOT, path, resume=True) == 0
     assert json.loads((path / "result.json").read_text()) | {"timing": None} == answer[0]
-    assert load(Study, path / "best.toml").kinds["flat"].gait.hip_height == pytest.approx(answer[1]["flat"][-1][0])
+    assert load(Study, path / "best.toml").kinds["flat"].gait.workspace.high == pytest.approx(answer[1]["flat"][-1][0])
     assert (path / "figures" / "good.png").exists()
     assert "bad.png: no ink" in "".join(capsys.readouterr().out.split("\n"))
 

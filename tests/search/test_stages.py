@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxleg.search import stages
-from jaxleg.search.config import BOUNDS, Kind, Search, Study
+from jaxleg.search.config import MOVE, Kind, Search, Study
 from jaxleg.search.contestants import bounds
 from jaxleg.search.lanes import Setting
 from jaxleg.search.stages import judge, polish
@@ -15,7 +15,7 @@ from jaxleg.search.training import Lanes, pooled, spread
 from tests.stand_ins import StandInLab, StandInRun
 
 BEST = np.array([0.55, -0.05, 0.12, 0.28, 0.6, 0.38, 0.05, 0.4, 0.5, 0.1])  # of the simulation below
-WIDTH = np.array([high - low for low, high in BOUNDS.values()])
+WIDTH = np.array([high - low for low, high in MOVE.values()])
 
 
 def lanes(*numbers):
@@ -91,8 +91,8 @@ def test_each_search_moves_what_it_says_and_holds_the_rest(stage):
     span = bounds(study, "flat", stage)
     span = dict(zip(study.search.move, span))
     moved = {name for name, (low, high) in span.items() if high > low}
-    assert moved == ({"gait.hip_height", "gait.foot_offset", "gait.skew"} if stage != "best" else set(BOUNDS))
-    assert tuple(span["gait.hip_height"]) == ((0.48, 0.52) if stage == "best_i" else BOUNDS["gait.hip_height"])
+    assert moved == ({"gait.workspace.high", "gait.foot_offset", "gait.skew"} if stage != "best" else set(MOVE))
+    assert tuple(span["gait.workspace.high"]) == ((0.48, 0.52) if stage == "best_i" else MOVE["gait.workspace.high"])
     if stage != "best":
         assert_allclose(span["gait.step_length"], study.contestants.paper.step_length)
 

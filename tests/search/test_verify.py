@@ -47,7 +47,7 @@ def test_what_does_not_move_is_each_contestants_own():
     best = np.array([[0.01, 0.1], [0.02, 0.1], [0.03, 0.2]])
     vectors, lanes = held_out_lanes(StandInRun(study, StandInLab(), load_robot(ROBOT)), "flat", best)
     np.testing.assert_allclose(vectors, [[0.0, 0.05], [0.1, 0.05], [0.1, 0.05], *best])
-    np.testing.assert_allclose(lanes.setting.planner.gait.hip_height, [0.48, 0.47, 0.50, 0.50, 0.50, 0.50])
+    np.testing.assert_allclose(lanes.setting.planner.gait.workspace.high, [0.48, 0.47, 0.52, 0.52, 0.52, 0.52])
     np.testing.assert_allclose(lanes.setting.planner.gait.foot_offset, [0.0, -0.1, -0.1, -0.1, -0.1, -0.1])
 
 

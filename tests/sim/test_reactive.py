@@ -14,6 +14,7 @@ from jaxleg.control.swing_leg import Feeling, feeling, reflexes
 from jaxleg.gait.order import SHIFT, SWING_LEG
 from jaxleg.gait.params import GaitParams
 from jaxleg.leg.kinematics import Reach, leg_angles
+from jaxleg.leg.workspace import up_to
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.legged import legged_engine
 from jaxleg.sim.reactive import walk_reactively
@@ -45,8 +46,8 @@ class Walks(NamedTuple):
 def planned(pegasus):
     """One cycle over level ground that the map has 3 cm too high, and too low, ahead of the first stance; and over a hole that
     it does not have."""
-    numbers = (0.46, 0.0, 0.0, 0.16, 0.6, 0.36, 0.06, 0.45, 0.5, 0.0)
-    params = GaitParams(*(jnp.asarray(x) for x in numbers))
+    numbers = (0.0, 0.0, 0.16, 0.6, 0.36, 0.06, 0.45, 0.5, 0.0)
+    params = GaitParams(up_to(jnp.asarray(0.46)), *(jnp.asarray(x) for x in numbers))
     options = settings(bend=np.rad2deg(0.3), threshold=0.01)
     level = flat(Grid(160, 80, 0.02, (-1.2, -0.8)))
     x, y = (o + 0.02 * np.arange(n) for o, n in zip(np.asarray(level.origin), level.elevation.shape))

@@ -11,6 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from jaxleg.gait.params import GaitParams
+from jaxleg.leg.workspace import up_to
 from jaxleg.posture.body import joint_angles
 from jaxleg.robot import load_robot
 from jaxleg.terrain.generators import Grid, flat, stairs
@@ -25,7 +26,7 @@ ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
 GRID = Grid(56, 26, 0.04, (-0.9, -0.5))
 STAGES = ("best_i", "best_ii", "best")
 ENERGY = dict(traditional=500.0, implied=450.0, paper=400.0, best_i=380.0, best_ii=330.0, best=250.0)
-SPANS = {"hip_height": [0.4, 0.6], "shift_share": [0.3, 0.6]}
+SPANS = {"workspace.high": [0.4, 0.6], "shift_share": [0.3, 0.6]}
 NONE = {"mean": None, "ci95": None}
 
 
@@ -67,7 +68,7 @@ def result() -> dict:
     table = {
         who: {
             kind: {
-                "params": {"hip_height": 0.55, "shift_share": 0.3},
+                "params": {"workspace.high": 0.55, "shift_share": 0.3},
                 "energy_per_metre": {
                     name: {"mean": scale * value, "ci95": [0.9 * scale * value, 1.1 * scale * value]}
                     for name, scale in dict(net=0.9, positive=1.0, absolute=1.2).items()
@@ -95,8 +96,8 @@ def result() -> dict:
 
 def test_torque_maps(robot, drawn, tmp_path):
     path = tmp_path / "new" / "torque.png"
-    before = dict(hip_height=0.48, foot_offset=0.0, step_length=0.2)
-    after = dict(hip_height=0.55, foot_offset=-0.05, step_length=0.12)
+    before = dict({"workspace.high": 0.48}, foot_offset=0.0, step_length=0.2)
+    after = dict({"workspace.high": 0.55}, foot_offset=-0.05, step_length=0.12)
     torque_maps(robot, before, after, path)
     *maps, bar = panels(drawn, path)
     assert len(maps) == 3
@@ -171,7 +172,7 @@ def test_parameters(drawn, tmp_path):
     path = tmp_path / "parameters.png"
     parameters(result(), path)
     axes = panels(drawn, path)
-    assert [label.get_text() for label in axes[0].get_yticklabels()] == ["hip height [m]", "shift share"]
+    assert [label.get_text() for label in axes[0].get_yticklabels()] == ["workspace.high [m]", "shift share"]
     assert "knee bend" in axes[0].get_xlabel()
     assert "nothing" in axes[1].get_xlabel()
     for ax in axes:
@@ -197,7 +198,7 @@ def phase_starts(robot, walk) -> Reference:
 
 @pytest.fixture(scope="module")
 def planned(robot):
-    params = GaitParams(*map(scalar, (0.47, -0.1, 0.1, 0.2, 0.6, 0.36, 0.08, 0.45, 0.5, 0.1)))
+    params = GaitParams(up_to(scalar(0.47)), *map(scalar, (-0.1, 0.1, 0.2, 0.6, 0.36, 0.08, 0.45, 0.5, 0.1)))
     options = settings(threshold=0.01)
     offsets, status = jnp.zeros((2, 4, 2), float), jnp.zeros((2, 4), jnp.int32)
 

@@ -28,7 +28,7 @@ MOVED = (
     "gait.step_length",
     "gait.stance_width",
     "gait.foot_offset",
-    "gait.hip_height",
+    "gait.workspace.high",
     "posture.levelling",
     "timing.acceleration",
 )

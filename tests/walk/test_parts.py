@@ -24,6 +24,7 @@ from jaxleg.walk.choose import choose
 from jaxleg.walk.config import Navigation
 from jaxleg.walk.presets import paper_a, paper_c
 from jaxleg.walk.site import site_of
+from jaxleg.walk.trajectory import foot_path, trunk_path
 from tests.crawls import gait
 
 GRID = Grid(81, 81, 0.04, (-1.6, -1.6))
@@ -66,21 +67,39 @@ def test_a_walk_at_a_heading_is_the_walk_along_x_turned(walked, ground, degrees)
     np.testing.assert_allclose(other.phases.duration, straight.phases.duration, atol=1e-12)
 
 
-def test_way_points_lowered_by_themselves_are_no_lower_than_all_alike_and_keep_the_bend(walked, ground, pegasus):
-    site = ground(stairs(GRID, 0.08, 0.30, 0.1))
-    alike = crawler(height=0.57)
-    single = dataclasses.replace(alike, posture=dataclasses.replace(alike.posture, lowering="way-point"))
-    (choices, low), (_, free) = walked(alike, site), walked(single, site)
+def test_every_way_point_is_lowered_as_far_as_the_bend_demands_and_no_further(walked, ground, pegasus):
+    """Each by itself; raised by 3 mm, a lowered one would have a leg too straight in a phase that it begins or ends."""
+    site, planner = ground(stairs(GRID, 0.08, 0.30, 0.1)), crawler(height=0.57)
+    tall = dataclasses.replace(planner, posture=dataclasses.replace(planner.posture, lowering="none"))
+    (choices, walk), (_, high) = walked(planner, site), walked(tall, site)
+    down = np.asarray(high.poses[:, 2] - walk.poses[:, 2])
     assert choices.status == Status.OK
-    assert low.lowering > 0.01
-    assert np.all(free.poses[:, 2] >= low.poses[:, 2] - 1e-12)
-    assert np.ptp(np.asarray(free.poses[:, 2] - low.poses[:, 2])) > 1e-3
-    for walk in (low, free):  # the trunk goes on from where it has come to, and keeps still in a side's two swings
-        np.testing.assert_allclose(walk.phases.trunk_from[1:], walk.phases.trunk_to[:-1], atol=1e-12)
+    assert (high.lowering, walk.lowering) == (0.0, pytest.approx(down.max()))
+    assert np.ptp(down) > 1e-3
+    # the trunk goes on from where it has come to, and keeps still in a side's two swings
+    np.testing.assert_allclose(walk.phases.trunk_from[1:], walk.phases.trunk_to[:-1], atol=1e-12)
+    shares = np.linspace(0.0, 1.0, 5)
     bends, solve = jax.jit(jax.vmap(knee_bend)), jax.jit(joint_angles)
-    for pose, feet in zip(free.phases.trunk_from, free.phases.feet_from):
-        angles, _ = solve(pegasus, pose, feet)
-        assert np.min(bends(pegasus.joint_axis, pegasus.link_offset, angles)) >= BEND - 1e-6
+    path = jax.jit(lambda phase, share: (trunk_path(phase, share), foot_path(phase, share, 0.1)))
+
+    def least(raised):
+        """Least knee bend of each phase with the trunk so much higher at its start and its end."""
+        found = []
+        for p, _ in enumerate(walk.legs):
+            phase = jax.tree.map(lambda x, p=p: x[p], walk.phases)
+            there = [path(phase, s) for s in shares]
+            poses = [np.asarray(pose) + raised * np.eye(6)[2] for pose, _ in there]
+            angles = [solve(pegasus, pose, feet)[0] for pose, (_, feet) in zip(poses, there)]
+            found.append(min(np.min(bends(pegasus.joint_axis, pegasus.link_offset, x)) for x in angles))
+        return np.array(found)
+
+    assert np.all(least(0.0) >= BEND - 1e-6)
+    tight = least(0.003) < BEND
+    down = down[np.r_[0, 1 : walk.steps : 2]]
+    deepest = [k for k in range(len(down)) if down[k] > 1e-6 and down[k] >= down[max(k - 1, 0) : k + 2].max()]
+    assert deepest  # no neighbour of such a one brings it further down than its own phases need
+    for point in deepest:
+        assert np.any(tight[max(3 * point - 3, 0) : 3 * point + 1])  # the shift to it, its side's two swings, the shift from it
 
 
 @pytest.mark.parametrize("leg", [0, 3])

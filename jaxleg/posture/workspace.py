@@ -1,0 +1,93 @@
+"""Feet under their hips: where they stand in the workspace while a leg swings, and how far inside it. Paper A, IV.B.3.
+
+A foot's support begins in the pose that it lands in. The other side's swings follow in the next pose, half a cycle later, and
+in the one after that the foot lifts. Two readings (A5, A11): `stance` asks of the first two, between which the feet's stance
+carries the trunk, that the foot is inside; `sweep` of all, lifting included. A foot sweeps one step length in all of its
+support, so that under `sweep` a workspace as long as the step, as the paper's is, allows no foot to step further than that.
+
+L_F2H is each foot's own. H_COG is the trunk's, the hips above the mean foot height, as the planner of the centre of gravity
+has it: on rough ground four feet under one trunk never all stand within a few centimetres of height.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxleg.gait.params import GaitParams
+from jaxleg.numerics import matvec
+from jaxleg.robot import Robot
+from jaxleg.rotations import to_heading, trunk_rotation
+
+ROUNDING = 1e-4  # a foot is inside down to this much beyond a bound [m]
+
+
+def feet_ahead(robot: Robot, pose: Float[Array, "6"], feet: Float[Array, "leg 3"]) -> Float[Array, "leg"]:
+    """L_F2H of each foot [m]: horizontally ahead of its thigh joint along the trunk's heading, the hip's roll left out."""
+    along = jnp.zeros_like(robot.hip_position).at[:, 0].set(robot.link_offset[:, 0, 0])
+    joint = pose[None, :3] + matvec(trunk_rotation(pose[3:]), robot.hip_position + along)
+    return to_heading((feet - joint)[:, :2], pose[5])[:, 0]
+
+
+def hips_above(robot: Robot, pose: Float[Array, "6"], feet: Float[Array, "leg 3"]) -> Float[Array, ""]:
+    """H_COG of a pose [m]: mean height of the hips above that of the feet."""
+    hips = pose[None, :3] + matvec(trunk_rotation(pose[3:]), robot.hip_position)
+    return jnp.mean(hips[:, 2] - feet[:, 2])
+
+
+class Stood(NamedTuple):
+    """Where feet stand under their hips in the pose that a leg swings in: before the swing, and after it."""
+
+    ahead: Float[Array, "when leg"]  # L_F2H [m]
+    above: Float[Array, ""]  # H_COG [m]
+    asked: Bool[Array, "when leg"]  # whether the reading asks it to be inside
+
+
+def stood(
+    robot: Robot, gait: GaitParams, pose: Float[Array, "6"], before: Float[Array, "leg 3"], after: Float[Array, "leg 3"], leg
+) -> Stood:
+    """The feet before and after (in W) [m] the swing of `leg`."""
+    ahead = jnp.stack([feet_ahead(robot, pose, feet) for feet in (before, after)])
+    legs = jnp.arange(4)
+    swings, other, none = legs == leg, legs % 2 != leg % 2, jnp.zeros(4, bool)
+    asked = (swings, ~none) if gait.support == "sweep" else (none, swings | other)
+    return Stood(ahead, hips_above(robot, pose, 0.5 * (before + after)), jnp.stack(asked))
+
+
+def room(gait: GaitParams, seen: Stood) -> Float[Array, "when leg"]:
+    """How far inside the workspace each foot stands [m]; negative: outside. Infinite where nothing binds it."""
+    space = gait.workspace
+    own = jnp.minimum(seen.ahead - space.behind, space.ahead - seen.ahead)
+    return jnp.where(seen.asked, jnp.minimum(own, seen.above - space.low), jnp.inf)
+
+
+def inside(room: Float[Array, "*n"]) -> Bool[Array, "*n"]:
+    """Whether a `room` is none of a foot outside."""
+    return room >= -ROUNDING
+
+
+def stance_room(
+    robot: Robot,
+    gait: GaitParams,
+    posture,
+    before: Float[Array, "leg 3"],
+    feet: Float[Array, "leg 3"],
+    yaw: Float[Array, "side"],
+) -> Float[Array, ""]:
+    """How far inside the workspace [m] the feet of a stance stay, stepped to from another's side by side, in both sides' poses.
+
+    `yaw` [rad] is the trunk's heading in the right and in the left legs' swings. Poses are the posture's `sketch`.
+    """
+    right = jnp.arange(4)[:, None] % 2 == 1
+    half = jnp.where(right, feet, before)
+    sides = ((3, before, half, yaw[0]), (2, half, feet, yaw[1]))
+    return jnp.min(jnp.stack([_side_room(robot, gait, posture, *side) for side in sides]))
+
+
+def _side_room(robot, gait, posture, leg, before, after, yaw):
+    """The same of the poses in which the hind leg `leg` swings, and with it the front one of its side."""
+    leg = jnp.asarray(leg)
+    pose = posture.sketch(gait, before, after, leg, yaw)
+    of_side = jax.vmap(lambda leg: room(gait, stood(robot, gait, pose, before, after, leg)))
+    return jnp.min(of_side(jnp.stack([leg, leg - 2])))
