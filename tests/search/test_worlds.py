@@ -122,7 +122,7 @@ def standing(slope=0.0):
     rows = (np.tile(ANGLES, (4, 1)), np.zeros((4, 3)), np.zeros((4, 3)), (0.004 + drop) * up, turned, np.zeros(6), feet)
     held = [jnp.asarray(np.stack([x, x]), float) for x in (*rows, np.ones(4))]
     zero = jnp.zeros(())
-    checks = PlanChecks(*[zero] * 6, status=jnp.asarray(Status.OK))
+    checks = PlanChecks(**dict.fromkeys(PlanChecks._fields, zero) | {"status": jnp.asarray(Status.OK)})
     return LanePlan(Reference(jnp.array([0.0, SECONDS]), *held), jnp.zeros(len(CONSTRAINTS)), checks)
 
 
