@@ -115,6 +115,12 @@ def config(tmp_path):
         ),
         (KIND + "[rectangle]\nsupport = 'always'\n", ["rectangle.support", "always", "stance", "sweep"]),
         (KIND + "[bounds]\n'gait.skew' = [0.0, 0.55]\n", ["bounds.gait.skew", "0.55", "stance_length", "0.5"]),
+        (KIND + "[randomise]\nmass = 1.0\n", ["randomise.mass", "1.0", "below 1.0"]),
+        (KIND + "[randomise]\ngains = -0.1\n", ["randomise.gains", "-0.1", "at least 0.0"]),
+        (KIND + "[randomise]\nfriction = [0.9, 0.5]\n", ["randomise.friction", "[0.9, 0.5]", "lower end"]),
+        (KIND + "[kinds.rough]\n[randomise]\nlanes = 1\n", ["randomise.lanes is 1", "0 or at least 2"]),
+        (KIND + "[randomise]\nlanes = 9\n[simulation]\nengine = 'mjx'\n", ["simulation.engine is 'mjx'", "randomise.lanes"]),
+        (KIND + "[randomise]\nlanes = 1000000\n", ["randomise.lanes", "5.82e+09", "2.15e+09"]),
     ],
 )
 def test_a_bad_config_is_refused_in_one_sentence(config, capsys, text, words):

@@ -46,7 +46,7 @@ def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) 
     from jaxleg.search.run_folder import RunFolder
     from jaxleg.search.study import run
     from jaxleg.settings import dump
-    from jaxleg.viz.terminal import progress, result_table
+    from jaxleg.viz.terminal import progress, randomised_lines, result_table
 
     console = Console(width=None if sys.stdout.isatty() else 110)
     study = dataclasses.replace(study, robot="robot.toml")  # the folder has all that its config.toml names
@@ -68,6 +68,8 @@ def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) 
     finally:
         folder.close()
     console.print(result_table(result))
+    for line in randomised_lines(result):
+        console.print(line, highlight=False, markup=False)
     console.print(f"result.json, best.toml and figures are in {folder.path}")
     for words in failed:
         console.print(f"no picture: {words}", markup=False)

@@ -42,11 +42,12 @@ def check_study(study: Study, source: str, legs: Legs) -> None:
                 f"{source}: terrains.{key} is {getattr(study.terrains, key)}, but must be at least"
                 f" {len(study.kinds)}, one for each of kinds"
             )
-    cells = study.terrains.cells[0] * study.terrains.cells[1] * max(study.terrains.train, study.terrains.held_out)
+    most = max(study.terrains.train, study.terrains.held_out, study.randomise.lanes)
+    cells = study.terrains.cells[0] * study.terrains.cells[1] * most
     if cells > MOST_CELLS:
         raise InputError(
-            f"{source}: terrains.train and terrains.held_out times terrains.cells make {cells:.3g} cells, but no more than"
-            f" {MOST_CELLS:.3g} are allowed"
+            f"{source}: terrains.train, terrains.held_out and randomise.lanes times terrains.cells make {cells:.3g} cells, but"
+            f" no more than {MOST_CELLS:.3g} are allowed"
         )
     for name, kind in study.kinds.items():
         if kind.generator not in KINDS:
@@ -59,6 +60,19 @@ def check_study(study: Study, source: str, legs: Legs) -> None:
     _check_stances(study, source, legs)
     _check_workspaces(study, source, legs)
     _check_reach(study, source, legs)
+    _check_randomised(study, source)
+
+
+def _check_randomised(study: Study, source: str) -> None:
+    """Lanes of each kind or none, of an engine that takes a robot a lane."""
+    lanes, kinds = study.randomise.lanes, len(study.kinds)
+    if 0 < lanes < kinds:
+        raise InputError(f"{source}: randomise.lanes is {lanes}, but must be 0 or at least {kinds}, one for each of kinds")
+    if lanes and study.simulation.engine == "mjx":
+        raise InputError(
+            f"{source}: simulation.engine is 'mjx', but must be 'legged' where randomise.lanes is above 0, because MJX's terms"
+            " are those of one robot for all lanes"
+        )
 
 
 def _check_leaves(study: Study, source: str) -> None:
@@ -101,7 +115,7 @@ def _require_numbers(where: str, names: Iterable[str]) -> None:
 
 def _check_spans(study: Study, source: str) -> None:
     spans = {f"kinds.{name}.difficulty": kind.difficulty for name, kind in study.kinds.items()}
-    for key, span in (spans | {"band": study.band}).items():
+    for key, span in (spans | {"band": study.band, "randomise.friction": study.randomise.friction}).items():
         if span[0] > span[1]:
             raise InputError(f"{source}: {key} is {list(span)}, but its lower end must not exceed its upper end")
 

@@ -173,6 +173,19 @@ class Simulation:
 
 
 @dataclasses.dataclass(frozen=True)
+class Randomise:
+    """Held-out lanes once more, each with a robot and a ground of its own that its planner does not know: uniform, up or down
+    by as much as stands here."""
+
+    lanes: int = setting(0, min=0, max=1_000_000, help="randomised lanes, over all kinds; 0: none")
+    mass: float = setting(0.05, min=0.0, below=1.0, help="share, one factor for all masses and inertias")
+    com: float = setting(0.02, min=0.0, max=0.5, unit="m", help="the trunk's centre of mass along each axis")
+    friction: Span = setting((0.5, 1.0), min=0.1, max=2.0)
+    gains: float = setting(0.10, min=0.0, below=1.0, help="share, one factor for all stiffness, one for all velocity_gain")
+    map_noise: float = setting(0.01, min=0.0, max=0.5, unit="m", help="each cell of the map that planners see, by itself")
+
+
+@dataclasses.dataclass(frozen=True)
 class Study:
     """A search for energy-saving planner parameters: `jaxleg search CONFIG`."""
 
@@ -190,6 +203,7 @@ class Study:
     cog: Cog = setting(Cog())
     search: Search = setting(Search())
     simulation: Simulation = setting(Simulation())
+    randomise: Randomise = setting(Randomise())
     navigation: Navigation = setting(Navigation(), help="paper C's planner: `jaxleg plan`")
 
     def __post_init__(self) -> None:

@@ -16,6 +16,7 @@ from jaxleg.walk.data import PlanChecks
 BEND_SLACK = np.deg2rad(0.2)  # a knee bend or a joint's range counts as kept down to this much beyond the limit
 BINDING = (np.deg2rad(0.5), 0.005, 0.05, 0.05, np.deg2rad(0.5), 0.005, 0.01, 0.01, 0.01, 0.005)
 ACTIVE = dict(zip(CONSTRAINTS, BINDING, strict=True))  # slack that counts as binding
+BASES = {"saving": "traditional", "saving_vs_implied": "implied", "saving_vs_paper": "paper"}  # of a result's savings
 
 
 class Contest(NamedTuple):
@@ -104,6 +105,19 @@ def savings(
                 for c, convention in enumerate(CONVENTIONS)
             }
     return table
+
+
+def savings_by_engine(
+    seen: Mapping[str, Mapping[str, Contest]], names: Sequence[str], resamples: int, seed: int
+) -> dict[str, Any]:
+    """`savings` against each of `BASES`, from contests by engine and kind of terrain."""
+    return {
+        key: {
+            engine: nested({kind: savings(each, names, base, resamples, seed) for kind, each in contests.items()})
+            for engine, contests in seen.items()
+        }
+        for key, base in BASES.items()
+    }
 
 
 def summary(

@@ -25,6 +25,7 @@ from jaxleg.search.config import EngineName
 from jaxleg.search.leaves import read_leaves, with_leaves
 from jaxleg.search.model import Model, linearised
 from jaxleg.search.penalty import fine
+from jaxleg.search.worlds import Truth, set_down
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.engine import Engine, mjx_engine
 from jaxleg.sim.legged import legged_engine
@@ -166,9 +167,13 @@ class Lab:
         checks = plan_checks(self.robot, walk, at, needs_at(self.robot, walk, at, used), used)
         return LanePlan(to_reference(time, at), self.slack(self.planner(vector, setting), checks, setting), checks)
 
-    def followed(self, plan: LanePlan, site: Site, setting: Setting) -> tuple[Score, Meters]:
-        """Judge one lane's plan in simulation; the constraints are those of the plan."""
-        meters = simulate(self.engine, self.robot, self.ground, site.terrain, plan.reference, self.steps)
+    def followed(self, plan: LanePlan, site: Site, setting: Setting, truth: Truth | None = None) -> tuple[Score, Meters]:
+        """Judge one lane's plan in simulation, with the lab's robot on the site's map or with what is true instead; the
+        constraints are those of the plan."""
+        engine = self.engine if truth is None else legged_engine(truth.robot)
+        robot, ground, terrain = truth or (self.robot, self.ground, site.terrain)
+        track = plan.reference if truth is None else set_down(plan.reference, site.terrain, terrain)
+        meters = simulate(engine, robot, ground, terrain, track, self.steps)
         energy = per_metre(meters.energy, meters.moved[0])
         objective = energy[CONVENTIONS.index(self.convention)] / setting.energy + penalty(plan.slack)
         return Score(objective, energy, plan.slack, plan.checks), meters
@@ -228,14 +233,14 @@ class Lab:
         return on_devices(jax.vmap(self.followed))
 
     def simulate_lanes(
-        self, vectors: Float[ArrayLike, "lane parameter"], sites: Site, settings: Setting
+        self, vectors: Float[ArrayLike, "lane parameter"], sites: Site, settings: Setting, truths: Truth | None = None
     ) -> tuple[Score, Meters]:
-        """Batched `simulated` with the cascade's choice."""
+        """Batched `simulated` with the cascade's choice, walked as in `followed`."""
 
-        def lanes(vectors, sites, settings):
-            return self._follow((), (self._plans((), (vectors, sites, settings)), sites, settings))
+        def lanes(vectors, sites, settings, truths):
+            return self._follow((), (self._plans((), (vectors, sites, settings)), sites, settings, truths))
 
-        return in_chunks(lanes, self._lanes, vectors, sites, settings)
+        return in_chunks(lanes, self._lanes, vectors, sites, settings, truths)
 
     @property
     def _lanes(self) -> int:

@@ -38,7 +38,7 @@ def work(study: Study) -> float:
     """Units of work of a whole study, about a second each: what `Report` counts up to."""
     groups, kinds = 1 if study.one_for_all else len(study.kinds), len(study.kinds)
     of_group = STEP_UNITS * study.search.steps + POLISH_UNITS * (study.search.polish_steps > 0)
-    return of_group * groups + 18.0 * kinds + 10.0
+    return of_group * groups + (18.0 + 16.0 * (study.randomise.lanes > 0)) * kinds + 10.0
 
 
 @dataclasses.dataclass

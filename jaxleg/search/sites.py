@@ -12,6 +12,7 @@ from jaxleg.robot import Robot
 from jaxleg.search.config import Kind, Study, Terrains
 from jaxleg.terrain.footing import FootingRule
 from jaxleg.terrain.generators import BATCH, Grid, TerrainSettings, terrain_batch
+from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.site import Site
 from jaxleg.walk.site import site_of
 
@@ -56,7 +57,13 @@ def _build(generator, grid, first, settings, sizes, maps, key, difficulties):
     terrain = jax.lax.optimization_barrier(
         terrain_batch(generator, grid, key, first, difficulties, settings)
     )  # or XLA folds flat ground
-    return jax.lax.map(functools.partial(site_of, footing_rule(maps), sizes, grid.resolution), terrain, batch_size=BATCH)
+    return sites_on(maps, sizes, terrain)
+
+
+@functools.partial(jax.jit, static_argnums=range(2))
+def sites_on(maps: Terrains, sizes: Sizes, terrain: HeightMap) -> Site:
+    """The sites that planners see on maps with a leading axis, for a robot of these sizes."""
+    return jax.lax.map(functools.partial(site_of, footing_rule(maps), sizes, maps.resolution), terrain, batch_size=BATCH)
 
 
 def footing_rule(maps: Terrains) -> FootingRule:

@@ -12,9 +12,10 @@ import numpy as np
 from jaxleg.about import about
 from jaxleg.robot import Robot
 from jaxleg.search.config import Study
-from jaxleg.search.contest import active_constraints, failures, nested, savings, summary, workspace
+from jaxleg.search.contest import active_constraints, failures, nested, savings_by_engine, summary, workspace
 from jaxleg.search.contestants import BASELINES, CONTESTANTS, STAGES, bounds, contestants, numbers, short_name
 from jaxleg.search.lanes import CYCLES
+from jaxleg.search.randomised import randomised
 from jaxleg.search.run import Report, Run
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.search.stages import polish, search_group
@@ -41,8 +42,9 @@ def run(study: Study, robot: Robot, folder: RunFolder, report: Report) -> tuple[
     proxy = check_proxy(state)
     for kind in state.kinds:
         replays[kind] = referee(state, kind, chosen[kind])
+    extra = {"randomised": randomised(state, chosen)} if study.randomise.lanes else {}
     state.seconds["total"] = time.perf_counter() - began
-    return assemble(state, chosen, held, replays, proxy), chosen
+    return assemble(state, chosen, held, replays, proxy) | extra, chosen
 
 
 def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -> dict[str, Any]:
@@ -83,18 +85,9 @@ def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -
         "referee": {kind: replays[kind].fell.shape[1] for kind in state.kinds},
     }
 
-    def against(base: str) -> dict[str, Any]:
-        engines = {"simulation": held, "mujoco": replays}
-        return {
-            engine: nested({kind: savings(data[kind], CONTESTANTS, base, *options) for kind in state.kinds})
-            for engine, data in engines.items()
-        }
-
     return {
         **nested(table),
-        "saving": against("traditional"),
-        "saving_vs_implied": against("implied"),
-        "saving_vs_paper": against("paper"),
+        **savings_by_engine({"simulation": held, "mujoco": replays}, CONTESTANTS, *options),
         "referee": nested(refereed),
         "active_constraints": nested(active),
         "workspace": nested(space),

@@ -12,14 +12,16 @@ from jaxleg.search.contestants import baseline, contestant, searched_planner
 from jaxleg.search.lanes import Setting, settings_of
 from jaxleg.search.run import Run
 from jaxleg.search.sites import make_sites
+from jaxleg.search.worlds import Truth
 from jaxleg.terrain.site import Site
 
 
 class Lanes(NamedTuple):
-    """Training lanes: sites with a leading axis, and what each is judged by."""
+    """Lanes: sites with a leading axis, what each is judged by, and what it is walked with and on if that is another."""
 
     site: Site
     setting: Setting
+    truth: Truth | None = None
 
     @property
     def number(self) -> int:

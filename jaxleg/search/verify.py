@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxleg.search import agreement, referees
+from jaxleg.search.config import Study
 from jaxleg.search.contest import Contest, contest
 from jaxleg.search.contestants import CONTESTANTS, STAGES, bounds, contestants, searched_planner
 from jaxleg.search.lanes import CONSTRAINTS, settings_of
@@ -15,31 +16,41 @@ from jaxleg.search.leaves import read_leaves
 from jaxleg.search.run import Run
 from jaxleg.search.sites import make_sites, share
 from jaxleg.search.training import Lanes
+from jaxleg.search.worlds import Truth
+from jaxleg.terrain.site import Site
 
 
 def held_out_lanes(state: Run, kind: str, best: np.ndarray) -> tuple[np.ndarray, Lanes]:
     """All contestants on all held-out terrains of a kind, contestant by contestant."""
-    site = make_sites(state.study, state.robot, kind, held_out=True)
-    planners, count = contestants(state.study, kind, best), site.valid.shape[0]
-    parts = [Lanes(site, settings_of(planner, count)) for planner in planners]
-    vectors = np.stack([read_leaves(planner, state.study.search.move) for planner in planners])
+    return everyone(state.study, kind, best, make_sites(state.study, state.robot, kind, held_out=True))
+
+
+def everyone(study: Study, kind: str, best: np.ndarray, site: Site, truth: Truth | None = None) -> tuple[np.ndarray, Lanes]:
+    """All contestants on all sites, contestant by contestant."""
+    planners, count = contestants(study, kind, best), site.valid.shape[0]
+    parts = [Lanes(site, settings_of(planner, count), truth) for planner in planners]
+    vectors = np.stack([read_leaves(planner, study.search.move) for planner in planners])
     return np.repeat(vectors, count, axis=0), jax.tree.map(lambda *x: np.concatenate(x), *parts)
 
 
 def held_out(state: Run, kind: str, best: np.ndarray) -> Contest:
     """Simulate all contestants on the kind's held-out terrains; margins' slack is against the traditional baseline's."""
     began = time.perf_counter()
-    vectors, lanes = held_out_lanes(state, kind, best)
-
-    def compute() -> Contest:
-        score, meters = state.lab.simulate_lanes(jnp.asarray(vectors, float), lanes.site, lanes.setting)
-        seen = contest(score, meters, np.asarray(lanes.setting.least_bend), len(CONTESTANTS))
-        return with_margin_slack(seen, score.checks.margin.reshape(len(CONTESTANTS), -1))
-
-    result = state.remember(f"{kind}/held_out", empty_contest(len(CONTESTANTS), len(vectors) // len(CONTESTANTS)), compute)
+    result = simulated(state, f"{kind}/held_out", *held_out_lanes(state, kind, best))
     state.clock("held_out", began)
     state.tell(8.0, f"{kind}: contestants compared on {result.fell.shape[1]} held-out terrains")
     return result
+
+
+def simulated(state: Run, stage: str, vectors: np.ndarray, lanes: Lanes) -> Contest:
+    """The contest on lanes (contestant by contestant) in our simulation, remembered as a stage."""
+
+    def compute() -> Contest:
+        score, meters = state.lab.simulate_lanes(jnp.asarray(vectors, float), *lanes)
+        seen = contest(score, meters, np.asarray(lanes.setting.least_bend), len(CONTESTANTS))
+        return with_margin_slack(seen, score.checks.margin.reshape(len(CONTESTANTS), -1))
+
+    return state.remember(stage, empty_contest(len(CONTESTANTS), len(vectors) // len(CONTESTANTS)), compute)
 
 
 def with_margin_slack(seen: Contest, margin: np.ndarray) -> Contest:
@@ -90,17 +101,26 @@ def empty_agreement(count: int) -> agreement.Agreement:
 
 def referee(state: Run, kind: str, best: np.ndarray) -> Contest:
     """Replay contestants on the kind's share of the referee's terrains, held-out ones, in C MuJoCo."""
-    began, study = time.perf_counter(), state.study
-    vectors, lanes = held_out_lanes(state, kind, best)
+    began = time.perf_counter()
+    result = replayed(state, f"{kind}/referee", *refereed(state, kind, *held_out_lanes(state, kind, best)))
+    state.clock("referee", began)
+    state.tell(8.0, f"{kind}: {result.fell.shape[1]} held-out terrains replayed in C MuJoCo")
+    return result
+
+
+def refereed(state: Run, kind: str, vectors: np.ndarray, lanes: Lanes) -> tuple[np.ndarray, Lanes]:
+    """Those of a kind's lanes that the referee gets, spread evenly over them."""
     total = len(vectors) // len(CONTESTANTS)
-    count = min(share(study.search.referee_terrains, len(state.kinds), state.kinds.index(kind)), total)
+    count = min(share(state.study.search.referee_terrains, len(state.kinds), state.kinds.index(kind)), total)
     pick = np.linspace(0, total - 1, count).round().astype(int)
     index = (np.arange(len(CONTESTANTS))[:, None] * total + pick).reshape(-1)
-    result = state.remember(
-        f"{kind}/referee",
-        empty_contest(len(CONTESTANTS), count),
-        lambda: referees.replay_contest(state.lab, vectors[index], lanes.take(index), len(CONTESTANTS)),
+    return vectors[index], lanes.take(index)
+
+
+def replayed(state: Run, stage: str, vectors: np.ndarray, lanes: Lanes) -> Contest:
+    """The contest on lanes (contestant by contestant) in C MuJoCo, remembered as a stage."""
+    return state.remember(
+        stage,
+        empty_contest(len(CONTESTANTS), len(vectors) // len(CONTESTANTS)),
+        lambda: referees.replay_contest(state.lab, vectors, lanes, len(CONTESTANTS)),
     )
-    state.clock("referee", began)
-    state.tell(8.0, f"{kind}: {count} held-out terrains replayed in C MuJoCo")
-    return result

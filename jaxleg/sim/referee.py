@@ -27,7 +27,20 @@ SETTLE = 0.3  # the first pose is held this long before the walk [s]
 def replay(
     robot: Robot, terrains: list[HeightMap], references: list[Reference], friction: float, metered_from: int = 0
 ) -> Verdict:
-    """Replay walks, each on its own terrain, on two threads. `metered_from` is the first metered sample of the references.
+    """Replay walks of one robot, each on its own terrain: see `replay_each`."""
+    count = len(references)
+    return replay_each([robot] * count, terrains, references, [friction] * count, metered_from)
+
+
+def replay_each(
+    robots: list[Robot],
+    terrains: list[HeightMap],
+    references: list[Reference],
+    frictions: list[float],
+    metered_from: int = 0,
+) -> Verdict:
+    """Replay walks on two threads; a lane has a robot, a terrain and a friction of its own. `metered_from` is the first metered
+    sample of the references.
 
     A lane falls as `fall` says, its trunk's contacts being MuJoCo's; and if a foot comes over unseen ground, if MuJoCo finds
     it unstable, warned or not finite, or if the reference is not finite.
@@ -35,8 +48,8 @@ def replay(
     if not references:
         none = np.zeros(0)
         return Verdict(Power(none, none, none), np.zeros((0, 3)), none, none, none, none.astype(bool))
-    models = [build_model(robot, terrain, friction) for terrain in terrains]
-    tracks = [controls(robot, reference) for reference in references]
+    models = [build_model(*lane) for lane in zip(robots, terrains, frictions)]
+    tracks = [controls(*lane) for lane in zip(robots, references)]
     steps = max(len(track) for track in tracks)
     control = np.stack([np.concatenate([t, np.repeat(t[-1:], steps - len(t), axis=0)]) for t in tracks])
     start = np.stack([start_state(model, reference) for model, reference in zip(models, references)])
@@ -45,8 +58,8 @@ def replay(
     with no_log(), np.errstate(over="ignore", invalid="ignore"):
         states, sensors = rollout.rollout(models, workers, start, control, skip_checks=False)
         alone = [
-            _verdict(robot, terrains[i], reference, states[i, : len(track)], sensors[i, : len(track)], track, metered_from)
-            for i, (reference, track) in enumerate(zip(references, tracks))
+            _verdict(*lane, states[i, : len(track)], sensors[i, : len(track)], track, metered_from)
+            for i, (*lane, track) in enumerate(zip(robots, terrains, references, tracks))
         ]
     return jax.tree.map(lambda *lanes: np.concatenate(lanes), *alone)
 

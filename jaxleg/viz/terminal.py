@@ -60,6 +60,20 @@ def result_table(result: dict[str, Any]) -> Table:
     return table
 
 
+def randomised_lines(result: dict[str, Any]) -> list[str]:
+    """A line a kind of terrain: what the best gait saves on randomised lanes, and how many of its and of the traditional
+    gait's fell; none where a study has none."""
+    if "randomised" not in result:
+        return []
+    seen, power, lines = result["randomised"], result["power"], []
+    for kind in result["bounds"]:
+        ours, theirs = (_percent(seen["saving"][engine]["best"][kind][power], True) for engine in ("simulation", "mujoco"))
+        failed = [seen["failed"]["simulation"][name][kind] for name in ("traditional", "best")]
+        falls, lanes = (sum(each[key] for each in failed) for key in ("falls", "lanes"))
+        lines.append(f"{kind}, randomised: saves {ours} %, in C MuJoCo {theirs} %; {falls} of {lanes} lanes fell")
+    return lines
+
+
 def kind_and_number(result: dict[str, Any], kind: str) -> str:
     """A kind of terrain and how many different ones the contestants were compared on."""
     number = result["terrains"]["by_kind"]["held_out"][kind]

@@ -47,10 +47,10 @@ def test_reverse_mode_is_the_difference(lab, lanes):
     rng, span = np.random.default_rng(3), np.concatenate([bounds(STUDY, "flat", "best"), lab.bounds])
     width, step = span[:, 1] - span[:, 0], 1e-6
     at = start(lab) + 0.05 * width * rng.uniform(0.1, 1.0, len(width))
-    _, gradient = lab.proxy_gradients(np.tile(at, (2, 1)), *lanes)
+    _, gradient = lab.proxy_gradients(np.tile(at, (2, 1)), lanes.site, lanes.setting)
     for _ in range(4):
         way = width * rng.standard_normal(len(width))
-        score, _ = lab.proxy_gradients(at + step * np.array([way, -way]), *lanes)
+        score, _ = lab.proxy_gradients(at + step * np.array([way, -way]), lanes.site, lanes.setting)
         difference = (score.objective[0] - score.objective[1]) / (2.0 * step)
         np.testing.assert_allclose(gradient[0] @ way, difference, rtol=1e-5)
 
@@ -63,7 +63,7 @@ def test_a_descent_saves_beyond_the_ten_numbers_and_keeps_to_the_constraints(lab
     for _ in range(120):
         points, objective = adam.descend(lab, lanes, span, points, 2, optimiser)
     found = np.asarray(adam.bounded(points.free, span))
-    score, _ = lab.proxy_gradients(np.repeat(found, 2, axis=0), *lanes)
+    score, _ = lab.proxy_gradients(np.repeat(found, 2, axis=0), lanes.site, lanes.setting)
     assert objective[0] < 0.95
     assert score.energy[0, CONVENTIONS.index(lab.convention)] < 0.95 * lanes.setting.energy[0]
     assert score.slack[0].min() > -0.002

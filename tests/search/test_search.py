@@ -16,13 +16,14 @@ from jaxleg.conventions import GRAVITY
 from jaxleg.robot import RobotFile, build_robot
 from jaxleg.search import run as runs
 from jaxleg.search import training, verify
-from jaxleg.search.config import Study, robot_path
+from jaxleg.search.config import Randomise, Study, robot_path
 from jaxleg.search.contestants import CONTESTANTS, STAGES, bounds, short_name
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.search.sites import make_sites
 from jaxleg.search.study import run
 from jaxleg.settings import dump, load
 from jaxleg.viz import study as pictures
+from jaxleg.viz.terminal import randomised_lines
 
 CONFIG = Path(__file__).parents[2] / "configs/quickstart.toml"
 SHORT = dict(starts=2, lanes=2, steps=3, polish_steps=1, polish_lanes=4, proxy_gaits=8, referee_terrains=3)
@@ -254,6 +255,33 @@ def test_few_or_no_terrains_for_the_referee(answer, whole, tmp_path, robot, numb
     assert result["terrains"]["by_kind"]["referee"] == {"flat": number, "rough": 0, "stairs": 0}
     assert result["saving"]["mujoco"]["best"]["rough"]["net"] == {"mean": None, "ci95": None}
     assert result["best"] == answer[0]["best"]
+
+
+@BY_PROXY
+def test_randomised_lanes_are_walked_after_a_finished_run(answer, whole, tmp_path, robot):
+    """The other stages are found; a resume finds these too. Without any range, on as many lanes, rough ground and stairs give
+    what the held-out contest gives."""
+    nothing = Randomise(lanes=6, mass=0.0, com=0.0, friction=(0.8, 0.8), gains=0.0, map_noise=0.0)
+    study = dataclasses.replace(STUDY, randomise=nothing)
+    shutil.copytree(whole, tmp_path / "run")
+    dump(study, tmp_path / "run" / "config.toml")
+    result, _, saved = search(tmp_path / "run", robot, resume=True, study=study)
+    assert len(saved) == 3 * 2  # by kind, in simulation and in C MuJoCo
+    again, _, saved = search(tmp_path / "run", robot, resume=True, study=study)
+    assert (again, saved) == (result, [])
+    seen = result.pop("randomised")
+    assert result == answer[0]
+    assert seen["ranges"] == json.loads(json.dumps(dataclasses.asdict(nothing)))
+    for key in ("saving", "saving_vs_implied", "saving_vs_paper"):
+        for engine, kinds in {"simulation": ("rough", "stairs"), "mujoco": ("rough", "stairs")}.items():
+            for kind in kinds:
+                here, there = (table[key][engine]["best"][kind]["net"]["mean"] for table in (seen, result))
+                assert here == pytest.approx(there, abs=1e-4)
+    assert seen["failed"]["simulation"]["best"]["flat"] == {"lanes": 2, "falls": 0, "infeasible": 0}
+    assert seen["failed"]["mujoco"]["paper"]["flat"] == {"lanes": 1, "falls": 0, "infeasible": 0}
+    lines = randomised_lines(result | {"randomised": seen})
+    assert [line.partition(",")[0] for line in lines] == list(STUDY.kinds)
+    assert all("0 of 4 lanes fell" in line for line in lines)
 
 
 @BY_PROXY

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from jaxleg.control.course import course
 from jaxleg.conventions import GRAVITY
 from jaxleg.sim.model import build_model
-from jaxleg.sim.referee import replay
+from jaxleg.sim.referee import replay, replay_each
 from jaxleg.sim.referee_feedback import follow_all, lockstep
 from jaxleg.terrain.heightmap import HeightMap, height
 from jaxleg.walk.data import Reference
@@ -229,6 +229,17 @@ def test_on_a_slippery_slope_it_slides_down_by_the_friction_it_was_told(pegasus,
     way = 0.5 * GRAVITY * (0.25 - 0.1) * (1.0**2 - 0.3**2) / (1.0 + 0.25**2)
     assert not verdict.fell
     np.testing.assert_allclose(verdict.moved[0], -way, rtol=0.05)
+
+
+def test_each_lane_has_a_robot_and_a_friction_of_its_own(pegasus, track):
+    """Lanes side by side are what each is alone."""
+    weak = dataclasses.replace(pegasus, stiffness=0.3 * pegasus.stiffness)
+    lanes = [(pegasus, 0.8), (weak, 0.8), (pegasus, 0.02)]
+    robots, frictions = ([lane[i] for lane in lanes] for i in (0, 1))
+    together = replay_each(robots, [TERRAIN] * 3, [track] * 3, frictions)
+    each = [replay(robot, [TERRAIN], [track], friction) for robot, friction in lanes]
+    jax.tree.map(np.testing.assert_array_equal, together, jax.tree.map(lambda *x: np.concatenate(x), *each))
+    assert len(np.unique(together.energy.mechanical)) == 3
 
 
 def test_a_controller_of_another_tick_is_refused(pegasus, track):
