@@ -7,7 +7,7 @@ support, so that under `sweep` a workspace as long as the step, as the paper's i
 
 A foot is a disc (A9), and inside while the disc reaches in: the paper's own gait lands its feet right on the bound, where on
 rough ground a millimetre would decide. L_F2H is each foot's own. H_COG is the trunk's, the hips above the mean foot height, as
-the planner of the centre of gravity has it: under one trunk, four feet on rough ground seldom stand within centimetres.
+the planner of the centre of gravity has it: four feet on rough ground often differ by more than a workspace is high.
 """
 
 from typing import NamedTuple
