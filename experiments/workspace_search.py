@@ -57,7 +57,7 @@ def main(out: Path | None = None, quick: bool = False, train: int = 128, held: i
     study, lab = setup()
     study, lab = on_grounds(study, ROUGH[::4] if quick else ROUGH, *((16, 8) if quick else (train, held)), stairs=not quick)
     lab = dataclasses.replace(lab, move=NUMBERS)
-    study = dataclasses.replace(study, search=dataclasses.replace(study.search, move=NUMBERS, starts=2))
+    study = dataclasses.replace(study, search=dataclasses.replace(study.search, move=NUMBERS))
     result: dict[str, Any] = {"quick": quick, "numbers": [short_name(name) for name in NUMBERS], "grounds": {}}
     for name in study.kinds:
         result["grounds"][name] = row = on_ground(study, lab, name, quick)

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jaxleg.gait.nominal import LATER, nominal_offset
 from jaxleg.gait.params import GaitParams
 from jaxleg.numerics import matvec
 from jaxleg.robot import Robot
@@ -68,27 +69,39 @@ def inside(room: Float[Array, "*n"]) -> Bool[Array, "*n"]:
     return room >= -ROUNDING
 
 
-def stance_room(
+def stance_rooms(
     robot: Robot,
     gait: GaitParams,
     posture,
     before: Float[Array, "leg 3"],
     feet: Float[Array, "leg 3"],
     yaw: Float[Array, "side"],
-) -> Float[Array, ""]:
-    """How far inside the workspace [m] the feet of a stance stay, stepped to from another's side by side, in both sides' poses.
+) -> Float[Array, "place"]:
+    """Every `room` [m] of the feet of a stance that is stepped to from another's side by side, in both sides' poses.
 
     `yaw` [rad] is the trunk's heading in the right and in the left legs' swings. Poses are the posture's `sketch`.
     """
     right = jnp.arange(4)[:, None] % 2 == 1
     half = jnp.where(right, feet, before)
     sides = ((3, before, half, yaw[0]), (2, half, feet, yaw[1]))
-    return jnp.min(jnp.stack([_side_room(robot, gait, posture, *side) for side in sides]))
+    return jnp.concatenate([_side_rooms(robot, gait, posture, *side) for side in sides])
 
 
-def _side_room(robot, gait, posture, leg, before, after, yaw):
-    """The same of the poses in which the hind leg `leg` swings, and with it the front one of its side."""
+def nominal_rooms(robot: Robot, gait: GaitParams, posture) -> Float[Array, "place"]:
+    """`stance_rooms` [m] of the nominal stance on level ground, stepped to from the one before. With a negative one the gait
+    cannot keep to its workspace, whatever the ground."""
+    along = jnp.asarray(LATER, gait.step_length.dtype) * 0.5 * gait.step_length  # of the left feet, half a cycle further on
+    xy = jax.vmap(nominal_offset, in_axes=(None, 0))(gait, jnp.arange(4)) + along[:, None] * jnp.array(
+        [[1.0, 0.0]], along.dtype
+    )
+    feet = jnp.concatenate([xy, jnp.zeros_like(xy[:, :1])], axis=1)
+    before = feet.at[:, 0].add(-gait.step_length)
+    return stance_rooms(robot, gait, posture, before, feet, jnp.zeros(2, feet.dtype))
+
+
+def _side_rooms(robot, gait, posture, leg, before, after, yaw):
+    """The same of the pose in which the hind leg `leg` swings, and with it the front one of its side."""
     leg = jnp.asarray(leg)
     pose = posture.sketch(gait, before, after, leg, yaw)
     of_side = jax.vmap(lambda leg: room(robot, gait, stood(robot, gait, pose, before, after, leg)))
-    return jnp.min(of_side(jnp.stack([leg, leg - 2])))
+    return of_side(jnp.stack([leg, leg - 2])).reshape(-1)

@@ -14,7 +14,7 @@ from jaxleg.status import Status
 from jaxleg.walk.data import PlanChecks
 
 BEND_SLACK = np.deg2rad(0.2)  # a knee bend or a joint's range counts as kept down to this much beyond the limit
-BINDING = (np.deg2rad(0.5), 0.005, 0.05, 0.05, np.deg2rad(0.5), 0.005, 0.01, 0.01, 0.01, 0.005)
+BINDING = (np.deg2rad(0.5), 0.005, 0.05, 0.05, np.deg2rad(0.5), 0.01, 0.01, 0.01, 0.005, 0.002)
 ACTIVE = dict(zip(CONSTRAINTS, BINDING, strict=True))  # slack that counts as binding
 BASES = {"saving": "traditional", "saving_vs_implied": "implied", "saving_vs_paper": "paper"}  # of a result's savings
 

@@ -19,6 +19,7 @@ from jaxleg.batch import in_chunks, on_devices, over_lanes
 from jaxleg.gait.limits import gait_constraints
 from jaxleg.leg.energy import CONVENTIONS, Convention, Power, electrical
 from jaxleg.planner import Planner
+from jaxleg.posture.workspace import nominal_rooms
 from jaxleg.robot import Robot
 from jaxleg.route.stations import Stations
 from jaxleg.search.config import EngineName
@@ -41,8 +42,8 @@ from jaxleg.walk.proxy import checks as plan_checks
 from jaxleg.walk.reference import instants, to_reference
 
 CYCLES = 2  # of a walk, both metered: it starts in its own periodic posture, so that there is nothing to warm up
-OF_PLAN = ("knee_bend", "margin", "torque", "load", "joint_range", "workspace")
-CONSTRAINTS = (*OF_PLAN, "search_behind", "step_reach", "search_reach", "knee_clear")
+OF_PLAN = ("knee_bend", "margin", "torque", "load", "joint_range")
+CONSTRAINTS = (*OF_PLAN, "search_behind", "step_reach", "search_reach", "knee_clear", "workspace")
 SCALES = np.array([np.deg2rad(1.0), 0.01, 0.05, 0.1, np.deg2rad(1.0), *[0.01] * 5])  # one unit of violation
 UNBOUND = -10.0  # a margin floor [m] that never binds
 LEAST_LOAD = 0.05  # every standing foot presses down with at least this share of a quarter of the weight
@@ -147,8 +148,8 @@ class Lab:
 
     def slack(self, planner: Planner, checks: PlanChecks, setting: Setting) -> Float[Array, "constraint"]:
         """Distance to each of `CONSTRAINTS`: radians, metres, share of the torque limit."""
-        least = Needs(checks.knee_bend, checks.margin, -checks.torque_ratio, checks.load, checks.joint_room, checks.room)
-        return jnp.stack(self.distances(planner, least, checks.lowering, setting))
+        least = Needs(checks.knee_bend, checks.margin, -checks.torque_ratio, checks.load, checks.joint_room)
+        return jnp.stack([jnp.min(x) for x in self.distances(planner, least, checks.lowering, setting)])
 
     def distances(
         self, planner: Planner, needs: Needs, lowering: Float[Array, ""], setting: Setting
@@ -157,14 +158,15 @@ class Lab:
         height, step, search = read_leaves(planner, ("gait.workspace.high", "gait.step_length", "foothold.rectangle.length"))
         gait = gait_constraints(self.robot, height - lowering, step, search)
         of_plan = (needs.knee_bend - setting.least_bend, needs.margin - setting.margin, 1.0 + needs.torque)
-        return (*of_plan, needs.load - LEAST_LOAD, needs.joint_room, needs.room, *gait)
+        nominal = nominal_rooms(self.robot, planner.gait, planner.posture)  # where footholds are, the choice sees to it itself
+        return (*of_plan, needs.load - LEAST_LOAD, needs.joint_room, *gait, nominal)
 
     def plan(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> LanePlan:
         """The plan of one lane, sampled for the simulation. Differentiable in `vector`, the footholds held."""
         walk = self.walk(vector, site, choice, setting)
         time, at = instants(self.robot, walk, self.samples)
         used = jnp.ones(time.shape, bool)
-        checks = plan_checks(self.robot, walk, at, needs_at(self.robot, walk, at, used), used)
+        checks = plan_checks(self.robot, walk, at, needs_at(self.robot, at, used), used)
         return LanePlan(to_reference(time, at), self.slack(self.planner(vector, setting), checks, setting), checks)
 
     def followed(self, plan: LanePlan, site: Site, setting: Setting, truth: Truth | None = None) -> tuple[Score, Meters]:

@@ -15,7 +15,7 @@ from jaxleg.gait.nominal import nominal_foothold, nominal_stances
 from jaxleg.gait.order import STEP_LEGS
 from jaxleg.gait.timing import shift_time
 from jaxleg.planner import Planner
-from jaxleg.posture.workspace import stance_room
+from jaxleg.posture.workspace import inside, nominal_rooms, stance_rooms
 from jaxleg.robot import Robot
 from jaxleg.rotations import to_heading, turned
 from jaxleg.route.stations import Stations
@@ -80,6 +80,8 @@ def stance_by_stance(find: Find, planner: Planner, robot: Robot, site: Site, sta
     stance = np.arange(len(nominal))
     turns = stations.yaw[np.maximum(2 * stance[:, None] + np.array([-1, 0]), 0)]  # in the right and the left legs' swings
     first = jnp.asarray(stance == 0)
+    # where not even the nominal stance is inside, shorter and shorter steps might be: no gait is bent into that
+    fits = jnp.all(inside(nominal_rooms(robot, planner.gait, planner.posture)))
 
     def step_to(before, here):
         nominal, yaw, turns, first = here
@@ -87,7 +89,8 @@ def stance_by_stance(find: Find, planner: Planner, robot: Robot, site: Site, sta
 
         def room(feet):
             behind = feet.at[:, :2].add(-back[None])
-            return stance_room(robot, planner.gait, planner.posture, jnp.where(first, behind, before), feet, turns)
+            seen = stance_rooms(robot, planner.gait, planner.posture, jnp.where(first, behind, before), feet, turns)
+            return jnp.where(fits, jnp.min(seen), -jnp.inf)
 
         found = find(robot, planner.gait, site, nominal, yaw, room)
         return on_ground(robot, site.terrain, nominal + found.offset), found

@@ -60,7 +60,6 @@ class PlanChecks(NamedTuple):
     torque_ratio: Float[Array, ""]  # greatest |torque| over its limit
     load: Float[Array, ""]  # least vertical force of a standing foot over a quarter of the weight: at 0 it lifts off
     joint_room: Float[Array, ""]  # least distance of a joint to the end of its range [rad]; negative: beyond it
-    room: Float[Array, ""]  # least of the feet in their workspace [m]; negative: one is outside
     lowering: Float[Array, ""]  # [m]
     used: Workspace  # the smallest that the feet stood in wherever they are asked to be inside theirs
     inside: Float[Array, ""]  # share of these places that are

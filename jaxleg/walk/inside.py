@@ -23,17 +23,12 @@ def steps_stood(robot: Robot, walk: Walk) -> Stood:
     return seen._replace(asked=seen.asked & walked[:, None, None])
 
 
-def rooms(robot: Robot, walk: Walk, seen: Stood) -> Float[Array, "step when leg"]:
-    """How far inside its workspace each foot of `steps_stood` is [m]; infinite where none is asked or nothing binds."""
-    return jax.vmap(lambda at: room(robot, walk.gait, at))(seen)
-
-
 def stood_in(robot: Robot, walk: Walk) -> tuple[Workspace, Float[Array, ""]]:
     """The smallest workspace that all places lie in that are asked, and which share of them is inside the gait's own."""
     seen = steps_stood(robot, walk)
     above = jnp.broadcast_to(seen.above[:, None, None], seen.asked.shape)
     least, most = ([_end(x, seen.asked, sign) for x in (seen.ahead, above)] for sign in (1.0, -1.0))
-    within = seen.asked & inside(rooms(robot, walk, seen))
+    within = seen.asked & inside(jax.vmap(lambda at: room(robot, walk.gait, at))(seen))
     share = jnp.sum(within, dtype=above.dtype) / jnp.maximum(jnp.sum(seen.asked, dtype=above.dtype), 1.0)
     return Workspace(least[0], most[0], least[1], most[1]), share
 

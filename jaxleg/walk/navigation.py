@@ -162,7 +162,7 @@ class Navigator:
         made = walked.walk
         time, at = instants(self.robot, made, self.samples)
         used = made.used[phase_samples(self.samples, made.legs)[0]]
-        seen = checks(self.robot, made, at, needs_at(self.robot, made, at, used), used)
+        seen = checks(self.robot, made, at, needs_at(self.robot, at, used), used)
         last = jnp.where(walked.status == Status.OK, last_sample(made, self.samples), self.samples[0])
         return Planned(to_reference(time, at), last.astype(jnp.int32), seen.knee_bend, seen.torque_ratio)
 

@@ -20,7 +20,7 @@ from jaxleg.leg.kinematics import Reach
 from jaxleg.robot import Robot
 from jaxleg.status import Status
 from jaxleg.walk.data import PlanChecks, Walk
-from jaxleg.walk.inside import found_so, rooms, steps_stood, stood_in
+from jaxleg.walk.inside import found_so, stood_in
 from jaxleg.walk.reference import Instant, at_places, phase_instant
 
 BATCH = 512  # instants of a walk worked out together
@@ -42,7 +42,6 @@ class Needs(NamedTuple):
     torque: Float[Array, "leg joint t"]  # -|torque| over its limit
     load: Float[Array, "leg t"]  # vertical force of a standing foot over a quarter of the weight
     joint_room: Float[Array, "leg t"]  # distance of a leg's joints to the ends of their ranges [rad]
-    room: Float[Array, "step when leg"]  # of the feet in the workspace as legs swing, see `walk.inside` [m]
 
 
 class Proxy(NamedTuple):
@@ -64,7 +63,7 @@ def evaluate(robot: Robot, walk: Walk) -> Proxy:
     seconds = jnp.where(used, weight * walk.phases.duration[phase], 0.0)
     energy = Power(*(jnp.sum(seconds[None, None] * p, axis=-1) for p in power))
     time = jnp.sum(jnp.where(walk.used, walk.phases.duration, 0.0))
-    needs = needs_at(robot, walk, at, used)
+    needs = needs_at(robot, at, used)
     return Proxy(energy, walk.way, time, needs, checks(robot, walk, at, needs, used))
 
 
@@ -81,23 +80,20 @@ def over_phases(function: Callable[..., Instant], walk: Walk, phase: np.ndarray,
     return jax.tree.map(lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1)[..., : len(phase)], at)
 
 
-def needs_at(robot: Robot, walk: Walk, at: Instant, used: Bool[Array, "t"]) -> Needs:
+def needs_at(robot: Robot, at: Instant, used: Bool[Array, "t"]) -> Needs:
     """Knee bend, stability margin and so on at sampled instants (last axis of `at`), those that are `used`."""
     loaded = at.weight > 0.01
     margin = stability_margin(at.com[:2], at.feet[:, :2], loaded)
     load = jnp.where(loaded, at.load, jnp.inf) / (0.25 * robot.mass * GRAVITY)
-    needs = (at.bend, margin, -jnp.abs(at.torque) / robot.torque_limit[..., None], load, at.room)
-    needs = [jnp.where(jax.lax.broadcast_to_rank(used, x.ndim), x, jnp.inf) for x in needs]
-    return Needs(*needs, rooms(robot, walk, steps_stood(robot, walk)))
+    needs = Needs(at.bend, margin, -jnp.abs(at.torque) / robot.torque_limit[..., None], load, at.room)
+    return jax.tree.map(lambda x: jnp.where(jax.lax.broadcast_to_rank(used, x.ndim), x, jnp.inf), needs)
 
 
 def checks(robot: Robot, walk: Walk, at: Instant, needs: Needs, used: Bool[Array, "t"]) -> PlanChecks:
     """The least of all `needs`, and the status of a walk with these instants."""
-    bend, margin, torque, load, joint_room, room = (jnp.min(x) for x in needs)
+    bend, margin, torque, load, room = (jnp.min(x) for x in needs)
     status = _status(robot, walk, jnp.any(used[None] & (at.reach != Reach.OK)), margin - torque + load)
-    return PlanChecks(
-        bend, margin, -torque, load, joint_room, room, walk.lowering, *stood_in(robot, walk), found_so(walk), status
-    )
+    return PlanChecks(bend, margin, -torque, load, room, walk.lowering, *stood_in(robot, walk), found_so(walk), status)
 
 
 def _status(robot, walk, beyond, numbers):

@@ -83,9 +83,7 @@ def test_what_binds_is_named():
 
 def test_a_plan_beyond_a_joints_range_is_infeasible_and_punished():
     """A robot with knees from 48 degrees on that is given 20: 28 units of a degree."""
-    checks = PlanChecks(
-        *map(np.asarray, (np.deg2rad(20.0), 0.1, 0.5, 1.0, np.deg2rad(-28.0), 1.0, 0.0, None, 1.0, None, Status.OK))
-    )
+    checks = PlanChecks(*map(np.asarray, (np.deg2rad(20.0), 0.1, 0.5, 1.0, np.deg2rad(-28.0), 0.0, None, 1.0, None, Status.OK)))
     assert not keeps_limits(checks, np.deg2rad(20.0))
     assert keeps_limits(checks._replace(joint_room=np.asarray(np.deg2rad(-0.1))), np.deg2rad(20.0))
     assert not keeps_limits(checks._replace(joint_room=np.asarray(np.nan)), np.deg2rad(20.0))
@@ -138,7 +136,7 @@ def test_lanes_are_arranged_by_contestant_and_judged():
     bend = np.deg2rad([20.0, 19.85, 19.7, 30.0, 30.0, 30.0])
     status = np.where(np.arange(6) == 4, Status.NO_FOOTHOLD, Status.OK)
     six, used = np.ones(6), [number] * 4
-    checks = PlanChecks(bend, number, number, number, six, six, number + 0.5, used, number / 6.0, np.ones((6, 4)), status)
+    checks = PlanChecks(bend, number, number, number, six, number + 0.5, used, number / 6.0, np.ones((6, 4)), status)
     fell = np.arange(6) == 1
     moved, slip = np.stack([number, 0.1 * number], 1), np.stack([number] * 4, 1) * np.arange(4)
     meters = Meters(None, moved, 2 * number, slip, number, 3 * number, number, fell)
