@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 import tyro
 
-from experiments.common import CONFIG, setup, training, write
+from experiments.common import CONFIG, each_on_its_own, setup, training, write
 from experiments.slow_walk import SPEED, STAND_SHARE, search_gait, slow
 from jaxleg.batch import over_lanes
 from jaxleg.leg.energy import CONVENTIONS, electrical, motor_power
@@ -79,7 +79,8 @@ def grid_rows(study: Study, lab: Lab, mass: str, ours: dict[str, np.ndarray]) ->
         traditional = contestant(study, kind, "traditional")
         planners = [with_leaves(traditional, STANCE, jnp.asarray((SKEWS[s], h, x))) for s, h, x in cells]
         before = [read_leaves(planner, lab.move) for planner in planners]
-        seen = powers(study, lab, kind, np.stack([baseline(study, kind, "paper"), ours[kind], *before]))
+        names = ["paper", "ours", *["traditional"] * len(before)]
+        seen = powers(study, lab, kind, np.stack([baseline(study, kind, "paper"), ours[kind], *before]), names)
         for i, row in enumerate(rows):
             saving = {name: 100.0 * (1.0 - seen.power[k] / seen.power[i + 2]) for k, name in enumerate(("paper", "ours"))}
             row[kind] = {"power_w": seen.power[i + 2], "margin": seen.margin[i + 2], "saving": saving}
@@ -91,11 +92,12 @@ def as_number(x: Any) -> Any:
     return float(x) if isinstance(x, np.floating) else x
 
 
-def powers(study: Study, lab: Lab, kind: str, vectors: np.ndarray) -> Power:
-    """Power of each gait on the training terrains of a kind; on stairs with the share of the time that is stood."""
+def powers(study: Study, lab: Lab, kind: str, vectors: np.ndarray, names: list[str]) -> Power:
+    """Power of each gait, of the contestants of these names, on the training terrains of a kind; on stairs with the share of
+    the time that is stood."""
     lanes = training(study, lab, kind)
     count = 1 if kind == "flat" else lanes.number
-    many = lanes.take(np.tile(np.arange(count), len(vectors)))
+    many = each_on_its_own(study, kind, lanes.take(np.arange(count)), names)
     rows = np.repeat(vectors, count, axis=0).astype(np.float32)
     walk, stand, margin, feasible = over_lanes(lambda *x: judge(lab, *x), lab.chunk)(rows, many.site, many.setting)
     share = STAND_SHARE if kind == "stairs" else 0.0

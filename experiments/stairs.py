@@ -14,6 +14,7 @@ import jax
 import numpy as np
 import tyro
 
+from experiments.common import each_on_its_own
 from experiments.slow_walk import power_over_time, walks
 from experiments.table_one import NAMES, Table, checked, finish, planned, result, saving_ratio, spans, table
 from jaxleg.foothold.contract import FootholdStatus
@@ -37,7 +38,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
         print(f"saving on stairs over saving on flat ground, against {before}: {about}")
     lanes, risers = unseen_stairs(seen.study, seen.lab, 8 if quick else RUNS)
     climbers = ("traditional", "paper", "ours")
-    content["runs"] = {name: climb(seen, seen.vectors[name], lanes, risers) for name in climbers}
+    content["runs"] = {name: climb(seen, name, lanes, risers) for name in climbers}
     for name, r in content["runs"].items():
         print(f"{name}: {r['runs']} unseen stairs, {r['falls']} falls, {r['infeasible']} infeasible,", end=" ")
         print(f"walking {r['walking_w']:.1f} W, margin {r['min_stability_margin']:.3f} m;", end=" ")
@@ -66,9 +67,9 @@ def unseen(study: Study, lab: Lab, kind: str, count: int) -> Lanes:
     return Lanes(site, settings_of(searched_planner(study, kind), site.valid.shape[0]))
 
 
-def climb(seen: Table, vector: np.ndarray, lanes: Lanes, risers: np.ndarray) -> dict[str, Any]:
-    """Walk a gait on all stairs; where its footholds lie is judged by the generator's own risers, not by any map."""
-    vectors = np.tile(vector, (lanes.number, 1))
+def climb(seen: Table, name: str, lanes: Lanes, risers: np.ndarray) -> dict[str, Any]:
+    """Walk a contestant on all stairs; where its footholds lie is judged by the generator's own risers, not by any map."""
+    vectors, lanes = np.tile(seen.vectors[name], (lanes.number, 1)), each_on_its_own(seen.study, "stairs", lanes, [name])
     trace = walks(seen.lab, vectors, lanes)
     run, free = seen.study.kinds["stairs"].run, np.asarray(trace.status) <= FootholdStatus.WIDENED
     beyond = (np.asarray(trace.placed[..., 0]) - risers[:, None, None]) / run

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from experiments.common import setup, training, write
+from experiments.common import each_on_its_own, setup, training, write
 from experiments.slow_walk import SPEED, STAND, STAND_SHARE, Trace, mean_over_time, power_over_time, search_gait, slow, walks
 from jaxleg.leg.energy import CONVENTIONS, cost_of_transport
 from jaxleg.search.config import Study
@@ -49,7 +49,8 @@ def table(kind: str, quick: bool, names: tuple[str, ...] = NAMES) -> Table:
     lanes = training(study, lab, kind)
     count = 1 if kind == "flat" else (2 if quick else lanes.number)
     vectors = {name: search_gait(study, lab, kind, quick) if name == "ours" else baseline(study, kind, name) for name in names}
-    many, each = lanes.take(np.tile(np.arange(count), len(names))), np.repeat(list(vectors.values()), count, axis=0)
+    many = each_on_its_own(study, kind, lanes.take(np.arange(count)), names)
+    each = np.repeat(list(vectors.values()), count, axis=0)
     stand, cycles = (STAND, 2) if kind == "stairs" else (0.0, 3)
     trace, plans = walks(lab, each, many, cycles, stand), checked(lab, each, many)
     part = {name: slice(i * count, (i + 1) * count) for i, name in enumerate(names)}

@@ -46,6 +46,7 @@ OF_PLAN = ("knee_bend", "margin", "torque", "load", "joint_range")
 CONSTRAINTS = (*OF_PLAN, "search_behind", "step_reach", "search_reach", "knee_clear", "workspace")
 SCALES = np.array([np.deg2rad(1.0), 0.01, 0.05, 0.1, np.deg2rad(1.0), *[0.01] * 5])  # one unit of violation
 UNBOUND = -10.0  # a margin floor [m] that never binds
+SPARE = 0.1  # part of a foot's radius that its nominal stance keeps to the workspace's end: penalties give way a little
 LEAST_LOAD = 0.05  # every standing foot presses down with at least this share of a quarter of the weight
 
 
@@ -158,8 +159,8 @@ class Lab:
         height, step, search = read_leaves(planner, ("gait.workspace.high", "gait.step_length", "foothold.rectangle.length"))
         gait = gait_constraints(self.robot, height - lowering, step, search)
         of_plan = (needs.knee_bend - setting.least_bend, needs.margin - setting.margin, 1.0 + needs.torque)
-        nominal = nominal_rooms(self.robot, planner.gait, planner.posture)  # where footholds are, the choice sees to it itself
-        return (*of_plan, needs.load - LEAST_LOAD, needs.joint_room, *gait, nominal)
+        nominal = nominal_rooms(self.robot, planner.gait, planner.posture)  # of the footholds the choice sees to it itself
+        return (*of_plan, needs.load - LEAST_LOAD, needs.joint_room, *gait, nominal - SPARE * self.robot.foot_radius)
 
     def plan(self, vector: Float[Array, "parameter"], site: Site, choice: Choices, setting: Setting) -> LanePlan:
         """The plan of one lane, sampled for the simulation. Differentiable in `vector`, the footholds held."""
