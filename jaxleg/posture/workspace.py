@@ -25,19 +25,6 @@ from jaxleg.rotations import to_heading, trunk_rotation
 ROUNDING = 1e-4  # a foot is inside down to this much beyond [m]
 
 
-def feet_ahead(robot: Robot, pose: Float[Array, "6"], feet: Float[Array, "leg 3"]) -> Float[Array, "leg"]:
-    """L_F2H of each foot [m]: horizontally ahead of its thigh joint along the trunk's heading, the hip's roll left out."""
-    along = jnp.zeros_like(robot.hip_position).at[:, 0].set(robot.link_offset[:, 0, 0])
-    joint = pose[None, :3] + matvec(trunk_rotation(pose[3:]), robot.hip_position + along)
-    return to_heading((feet - joint)[:, :2], pose[5])[:, 0]
-
-
-def hips_above(robot: Robot, pose: Float[Array, "6"], feet: Float[Array, "leg 3"]) -> Float[Array, ""]:
-    """H_COG of a pose [m]: mean height of the hips above that of the feet."""
-    hips = pose[None, :3] + matvec(trunk_rotation(pose[3:]), robot.hip_position)
-    return jnp.mean(hips[:, 2] - feet[:, 2])
-
-
 class Stood(NamedTuple):
     """Where feet stand under their hips in the pose that a leg swings in: before the swing, and after it."""
 
@@ -49,12 +36,16 @@ class Stood(NamedTuple):
 def stood(
     robot: Robot, gait: GaitParams, pose: Float[Array, "6"], before: Float[Array, "leg 3"], after: Float[Array, "leg 3"], leg
 ) -> Stood:
-    """The feet before and after (in W) [m] the swing of `leg`."""
-    ahead = jnp.stack([feet_ahead(robot, pose, feet) for feet in (before, after)])
+    """The feet before and after (in W) [m] the swing of `leg`: horizontally ahead of their thigh joints along the trunk's
+    heading, the hips' roll left out; and the hips' mean height above the feet's."""
+    turn, feet = trunk_rotation(pose[3:]), jnp.stack([before, after])
+    hips = pose[None, :3] + matvec(turn, robot.hip_position)
+    joint = hips + robot.link_offset[:, 0, :1] * turn[None, :, 0]
     legs = jnp.arange(4)
     swings, other, none = legs == leg, legs % 2 != leg % 2, jnp.zeros(4, bool)
     asked = (swings, ~none) if gait.support == "sweep" else (none, swings | other)
-    return Stood(ahead, hips_above(robot, pose, 0.5 * (before + after)), jnp.stack(asked))
+    ahead = to_heading((feet - joint[None])[..., :2], pose[5])[..., 0]
+    return Stood(ahead, jnp.mean(hips[:, 2]) - jnp.mean(feet[..., 2]), jnp.stack(asked))
 
 
 def room(robot: Robot, gait: GaitParams, seen: Stood) -> Float[Array, "when leg"]:
@@ -83,8 +74,15 @@ def stance_rooms(
     """
     right = jnp.arange(4)[:, None] % 2 == 1
     half = jnp.where(right, feet, before)
-    sides = ((3, before, half, yaw[0]), (2, half, feet, yaw[1]))
-    return jnp.concatenate([_side_rooms(robot, gait, posture, *side) for side in sides])
+
+    def of_side(hind, before, after, yaw):
+        """The same of the pose in which a hind leg swings, and with it the front one of its side."""
+        pose = posture.sketch(gait, before, after, hind, yaw)
+        return jax.vmap(lambda leg: room(robot, gait, stood(robot, gait, pose, before, after, leg)))(
+            jnp.stack([hind, hind - 2])
+        )
+
+    return jax.vmap(of_side)(jnp.array([3, 2]), jnp.stack([before, half]), jnp.stack([half, feet]), yaw).reshape(-1)
 
 
 def nominal_rooms(robot: Robot, gait: GaitParams, posture) -> Float[Array, "place"]:
@@ -97,11 +95,3 @@ def nominal_rooms(robot: Robot, gait: GaitParams, posture) -> Float[Array, "plac
     feet = jnp.concatenate([xy, jnp.zeros_like(xy[:, :1])], axis=1)
     before = feet.at[:, 0].add(-gait.step_length)
     return stance_rooms(robot, gait, posture, before, feet, jnp.zeros(2, feet.dtype))
-
-
-def _side_rooms(robot, gait, posture, leg, before, after, yaw):
-    """The same of the pose in which the hind leg `leg` swings, and with it the front one of its side."""
-    leg = jnp.asarray(leg)
-    pose = posture.sketch(gait, before, after, leg, yaw)
-    of_side = jax.vmap(lambda leg: room(robot, gait, stood(robot, gait, pose, before, after, leg)))
-    return of_side(jnp.stack([leg, leg - 2])).reshape(-1)

@@ -258,6 +258,7 @@ def test_few_or_no_terrains_for_the_referee(answer, whole, tmp_path, robot, numb
 
 
 @BY_PROXY
+@pytest.mark.slow
 def test_randomised_lanes_are_walked_after_a_finished_run(answer, whole, tmp_path, robot):
     """The other stages are found; a resume finds these too. Without any range, on as many lanes, rough ground and stairs give
     what the held-out contest gives."""

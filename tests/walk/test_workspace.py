@@ -16,7 +16,7 @@ from jaxleg.gait.support import CogRule
 from jaxleg.leg.workspace import Workspace
 from jaxleg.posture.body import joint_angles
 from jaxleg.posture.collision import Sizes
-from jaxleg.posture.workspace import feet_ahead, hips_above
+from jaxleg.posture.workspace import stood
 from jaxleg.robot.mjcf import robot_mjcf
 from jaxleg.status import Status
 from jaxleg.terrain import Grid, flat, rough
@@ -105,23 +105,25 @@ def test_places_are_those_of_mujocos_thigh_joints(pegasus):
     rng = np.random.default_rng(3)
     model = mujoco.MjModel.from_xml_string(robot_mjcf(pegasus))
     data, thigh = mujoco.MjData(model), 6 + 3 * np.arange(4) + 1
-    solve = jax.jit(lambda *x: (*joint_angles(pegasus, *x), feet_ahead(pegasus, *x), hips_above(pegasus, *x)))
+    seen = jax.jit(lambda pose, feet: stood(pegasus, gait(), pose, feet + 0.01, feet, 3))
+    solve = jax.jit(lambda *x: joint_angles(pegasus, *x)[0])
     stance = np.array([[0.3, 0.18], [0.3, -0.18], [-0.3, 0.18], [-0.3, -0.18]])
     for _ in range(8):
         pose = np.array([*rng.uniform(-0.05, 0.05, 2), 0.48, *rng.uniform(-0.15, 0.15, 2), rng.uniform(-3, 3)])
         spin = Rotation.from_euler("Z", pose[5]).as_matrix()[:2, :2]
         feet = np.concatenate([pose[:2] + (stance + rng.uniform(-0.05, 0.05, (4, 2))) @ spin.T, np.zeros((4, 1))], axis=1)
-        angles, _, found, above = solve(pose, feet)
+        angles, at = solve(pose, feet), seen(pose, feet)
         turn = Rotation.from_euler("ZYX", [pose[5], -pose[3], pose[4]])
         data.qpos[:] = [*pose[:3], *turn.as_quat(scalar_first=True), *np.ravel(angles)]
         mujoco.mj_kinematics(model, data)
         joint = data.xanchor[[model.dof_jntid[dof] for dof in thigh]]
         apart, forward = feet - joint, np.array([np.cos(pose[5]), np.sin(pose[5]), 0.0])
         link = apart - (feet - data.xanchor[[model.dof_jntid[dof] for dof in thigh - 1]])  # minus the hip's link
-        np.testing.assert_allclose((apart - link) @ forward, found, atol=1e-9)
+        np.testing.assert_allclose((apart - link) @ forward, at.ahead[1], atol=1e-9)
         assert np.max(np.abs(link @ forward)) < 0.015  # which is what leaving the roll out costs
+        np.testing.assert_allclose(at.ahead[0] - at.ahead[1], 0.01 * (forward[0] + forward[1]), atol=1e-9)
         hips = data.xanchor[[model.dof_jntid[dof] for dof in thigh - 1]]
-        np.testing.assert_allclose(above, np.mean(hips[:, 2]), atol=1e-9)
+        np.testing.assert_allclose(at.above, np.mean(hips[:, 2]) - 0.005, atol=1e-9)  # half way from the feet before to after
 
 
 @pytest.mark.parametrize("support", ["stance", "sweep"])
