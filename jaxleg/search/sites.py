@@ -47,8 +47,8 @@ def terrain_settings(kind: Kind) -> TerrainSettings:
 
 
 def first_of_each(rows: np.ndarray) -> np.ndarray:
-    """Indices of the rows that no earlier row equals."""
-    found = {row.tobytes(): i for i, row in reversed(list(enumerate(rows)))}
+    """Indices of the rows that no earlier row equals; 0 and -0 are equal, as flat ground of no roughness has both."""
+    found = {(row + 0.0).tobytes(): i for i, row in reversed(list(enumerate(rows)))}
     return np.array(sorted(found.values()), int)
 
 

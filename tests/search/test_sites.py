@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxleg.search.config import Kind, Study, Terrains
-from jaxleg.search.sites import footing_rule, make_sites
+from jaxleg.search.sites import first_of_each, footing_rule, make_sites
 from jaxleg.terrain import Grid, stairs
 from jaxleg.terrain.footing import footing
 
@@ -37,3 +37,11 @@ def test_copies_of_one_ground_count_once(pegasus):
     maps = {kind: np.asarray(make_sites(study, pegasus, kind, held_out=False).terrain.elevation) for kind in kinds}
     assert [len(maps[kind]) for kind in kinds] == [1, 20, 4]
     assert all(len(np.unique(rows, axis=0)) == len(rows) for rows in maps.values())
+
+
+def test_grounds_that_differ_by_the_sign_of_zero_alone_are_one():
+    """Rough ground of no roughness: noise of either sign times nothing."""
+    rows = np.zeros((3, 4, 5))
+    rows[1] = -0.0
+    rows[2, 1, 1] = 0.01
+    assert first_of_each(rows).tolist() == [0, 2]
