@@ -55,7 +55,7 @@ class Ground(NamedTuple):
 def main(out: Path | None = None, quick: bool = False, train: int = 128, held: int = 96) -> None:
     """All grounds; `quick` takes two of them and a few terrains."""
     study, lab = setup()
-    study, lab = on_grounds(study, ROUGH[::4] if quick else ROUGH, *((16, 8) if quick else (train, held)), stairs=not quick)
+    study = on_grounds(study, ROUGH[::4] if quick else ROUGH, *((16, 8) if quick else (train, held)), stairs=not quick)
     lab = dataclasses.replace(lab, move=NUMBERS)
     study = dataclasses.replace(study, search=dataclasses.replace(study.search, move=NUMBERS))
     result: dict[str, Any] = {"quick": quick, "numbers": [short_name(name) for name in NUMBERS], "grounds": {}}
@@ -66,15 +66,15 @@ def main(out: Path | None = None, quick: bool = False, train: int = 128, held: i
     draw(result["grounds"], (out or Path("runs/workspace_search")) / "workspace.png")
 
 
-def on_grounds(study: Study, rough: tuple[float, ...], train: int, held: int, stairs: bool) -> tuple[Study, Lab]:
-    """The quickstart's study on rough ground of these amplitudes, and its lab."""
+def on_grounds(study: Study, rough: tuple[float, ...], train: int, held: int, stairs: bool) -> Study:
+    """The study on rough ground of these amplitudes [m], and on stairs."""
     kinds = {
         f"rough_{round(1000 * height)}mm": dataclasses.replace(study.kinds["rough"], amplitude=height, difficulty=(1.0, 1.0))
         for height in rough
     }
     kinds |= {"stairs": study.kinds["stairs"]} if stairs else {}
     terrains = dataclasses.replace(study.terrains, train=train * len(kinds), held_out=held * len(kinds))
-    return dataclasses.replace(study, kinds=kinds, terrains=terrains), setup()[1]
+    return dataclasses.replace(study, kinds=kinds, terrains=terrains)
 
 
 def on_ground(study: Study, lab: Lab, name: str, quick: bool) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from jaxleg.foothold.rectangle import Extent, SearchRectangle
 from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.params import GaitParams
 from jaxleg.gait.support import CogRule
-from jaxleg.leg.workspace import up_to
+from jaxleg.leg.workspace import UNBOUND, Workspace
 from jaxleg.posture.collision import Sizes, robot_obstacles
 from jaxleg.route.stations import Straight
 from jaxleg.status import Status
@@ -34,6 +34,11 @@ TERRAINS = {
 @functools.partial(jax.jit, static_argnums=0)
 def terrain_of(kind):
     return TERRAINS[kind](GRID)
+
+
+def up_to(high):
+    """The workspace that bounds nothing but the hips' height [m]."""
+    return Workspace(*(jnp.full_like(high, bound) for bound in UNBOUND[:3]), high)
 
 
 def gait(height=0.5, offset=-0.1, skew=0.1, step=0.2, length=0.62, width=0.36, swing=0.08, shift=0.45, hind=0.5, lift=0.1):

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from jaxleg.foothold.cascade import Cascade, look, reachable_heights, rooms
+from jaxleg.foothold.cascade import Cascade, Found, Reachable, look, reachable_heights, rooms
 from jaxleg.foothold.contract import Footholds, FootholdStatus, Room, endless
 from jaxleg.foothold.rectangle import candidates, feasible_score
 from jaxleg.gait.params import GaitParams
@@ -51,18 +51,28 @@ def soft_stance(
     seen = candidates(rectangle, site.terrain.resolution, cascade.extent.cells)
     reachable = reachable_heights(robot, gait, cascade.least_bend)
     found = look(nominal, site.valid, site.terrain, seen, reachable, cascade.extent.cells)
+    give = jnp.minimum(_reach(found, reachable), rooms(nominal, seen, _known(found.height), room))
     short, long = (feasible_score(seen.along, rectangle, longer) for longer in (0.0, rectangle.longer))
-    footing = seen.long & jnp.all(jnp.isfinite(found.height), axis=0)
-    height = jnp.where(jnp.isfinite(found.height), found.height, 0.0)
-    above = height - found.level[:, None, None]
-    reach = jnp.min(jnp.minimum(above - reachable.lowest, reachable.highest - above), axis=0)
-    give = jnp.minimum(rooms(nominal, seen, height, room), jnp.where(jnp.isnan(reach), jnp.inf, reach))
     value = jnp.where(seen.short, short, long - 1.0) + jax.nn.log_sigmoid(give / softness.length)
+    footing = seen.long & jnp.all(jnp.isfinite(found.height), axis=0)
     together = jnp.where(footing, value, -jnp.inf).reshape(-1)
     weight = jax.nn.softmax(jnp.append(together, APART) / softness.temperature)
     offset = jnp.sum(weight[:-1, None] * seen.offset.reshape(-1, 2), axis=0)[None] + weight[-1] * apart.offset
     status = jnp.where(weight[-1] < 0.5, FootholdStatus.NOMINAL, apart.status)
     return Footholds(offset, status.astype(jnp.int32))
+
+
+def _reach(found: Found, reachable: Reachable):
+    """How far the lowest or highest of the four cells of each offset is within the legs' reach [m]; where no level is known
+    they take any."""
+    above = _known(found.height) - found.level[:, None, None]
+    least = jnp.min(jnp.minimum(above - reachable.lowest, reachable.highest - above), axis=0)
+    return jnp.where(jnp.isnan(least), jnp.inf, least)
+
+
+def _known(height):
+    """Heights with 0 for those of no foothold: such an offset has no weight, nor may it have a NaN gradient."""
+    return jnp.where(jnp.isfinite(height), height, 0.0)
 
 
 def _none(feet):

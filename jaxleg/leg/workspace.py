@@ -4,6 +4,7 @@ Paper A, Section III: a workspace is a rectangle of (L_F2H, H_COG) that a standi
 `statics.leg_torque`; the sums are midpoint rules over cells of the rectangle.
 """
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -19,15 +20,13 @@ from jaxleg.robot import Robot
 class Workspace(NamedTuple):
     """A rectangle of foot places [m]: the foot ahead of the hip (L_F2H) and the hip above the foot (H_COG), from and to."""
 
-    behind: Float[ArrayLike, "*batch"]  # -inf: unbounded, as `ahead` = inf and `low` = 0 are
+    behind: Float[ArrayLike, "*batch"]  # those that do not bind are `UNBOUND`'s
     ahead: Float[ArrayLike, "*batch"]
     low: Float[ArrayLike, "*batch"]
     high: Float[ArrayLike, "*batch"]
 
 
-def up_to(high: Float[Array, "*batch"]) -> Workspace:
-    """The workspace that bounds nothing but the hips' height [m]."""
-    return Workspace(jnp.full_like(high, -jnp.inf), jnp.full_like(high, jnp.inf), jnp.zeros_like(high), high)
+UNBOUND = Workspace(-math.inf, math.inf, 0.0, math.inf)  # what stands for bounds that are not given
 
 
 class Cost(NamedTuple):

@@ -16,11 +16,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxleg.gait.nominal import LATER, nominal_offset
+from jaxleg.gait.nominal import nominal_stances
 from jaxleg.gait.params import GaitParams
 from jaxleg.numerics import matvec
+from jaxleg.posture.incentre import Incentre
+from jaxleg.posture.plane import Plane
 from jaxleg.robot import Robot
 from jaxleg.rotations import to_heading, trunk_rotation
+from jaxleg.route.stations import Straight
 
 ROUNDING = 1e-4  # a foot is inside down to this much beyond [m]
 
@@ -56,21 +59,22 @@ def room(robot: Robot, gait: GaitParams, seen: Stood) -> Float[Array, "when leg"
 
 
 def inside(room: Float[Array, "*n"]) -> Bool[Array, "*n"]:
-    """Whether a `room` is none of a foot outside."""
+    """Whether a foot with such a `room` [m] is inside."""
     return room >= -ROUNDING
 
 
 def stance_rooms(
     robot: Robot,
     gait: GaitParams,
-    posture,
+    posture: Incentre | Plane,
     before: Float[Array, "leg 3"],
     feet: Float[Array, "leg 3"],
     yaw: Float[Array, "side"],
 ) -> Float[Array, "place"]:
     """Every `room` [m] of the feet of a stance that is stepped to from another's side by side, in both sides' poses.
 
-    `yaw` [rad] is the trunk's heading in the right and in the left legs' swings. Poses are the posture's `sketch`.
+    `before`, `feet` are the two stances, foot centres in W [m]; `yaw` [rad] is the trunk's heading in the right and in the left
+    legs' swings. Poses are the posture's `sketch`.
     """
     right = jnp.arange(4)[:, None] % 2 == 1
     half = jnp.where(right, feet, before)
@@ -85,13 +89,10 @@ def stance_rooms(
     return jax.vmap(of_side)(jnp.array([3, 2]), jnp.stack([before, half]), jnp.stack([half, feet]), yaw).reshape(-1)
 
 
-def nominal_rooms(robot: Robot, gait: GaitParams, posture) -> Float[Array, "place"]:
+def nominal_rooms(robot: Robot, gait: GaitParams, posture: Incentre | Plane) -> Float[Array, "place"]:
     """`stance_rooms` [m] of the nominal stance on level ground, stepped to from the one before. With a negative one the gait
     cannot keep to its workspace, whatever the ground."""
-    along = jnp.asarray(LATER, gait.step_length.dtype) * 0.5 * gait.step_length  # of the left feet, half a cycle further on
-    xy = jax.vmap(nominal_offset, in_axes=(None, 0))(gait, jnp.arange(4)) + along[:, None] * jnp.array(
-        [[1.0, 0.0]], along.dtype
-    )
-    feet = jnp.concatenate([xy, jnp.zeros_like(xy[:, :1])], axis=1)
-    before = feet.at[:, 0].add(-gait.step_length)
+    stations = Straight(jnp.zeros_like(gait.step_length)).stations(gait, None, 4)
+    xy, _ = nominal_stances(gait, stations, 2)
+    before, feet = jnp.concatenate([xy, jnp.zeros_like(xy[..., :1])], axis=-1)
     return stance_rooms(robot, gait, posture, before, feet, jnp.zeros(2, feet.dtype))

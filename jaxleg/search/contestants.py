@@ -13,7 +13,7 @@ import numpy as np
 from jaxleg.foothold.rectangle import Extent, SearchRectangle, extent_of
 from jaxleg.gait.params import GaitParams
 from jaxleg.gait.support import CogRule
-from jaxleg.leg.workspace import Workspace
+from jaxleg.leg.workspace import UNBOUND, Workspace
 from jaxleg.planner import Planner
 from jaxleg.search.config import Contestants, Gait, Kind, Rectangle, Span, Study
 from jaxleg.search.config import Workspace as Bounds
@@ -26,7 +26,6 @@ CONTESTANTS = BASELINES + STAGES
 STANCE = ("gait.workspace.high", "gait.foot_offset", "gait.skew")  # all that the first two may move
 WORKSPACE = tuple(f"gait.workspace.{name}" for name in Workspace._fields)
 GAIT = (*WORKSPACE, *(f"gait.{field.name}" for field in dataclasses.fields(Gait) if field.name != "workspace"))
-UNBOUND = Workspace(-np.inf, np.inf, 0.0, np.inf)  # what stands for a bound that is not given
 
 
 def planner_of(study: Study, kind: Kind, gait: Gait) -> Planner:

@@ -84,6 +84,7 @@ def stance_by_stance(find: Find, planner: Planner, robot: Robot, site: Site, sta
     fits = jnp.all(inside(nominal_rooms(robot, planner.gait, planner.posture)))
 
     def step_to(before, here):
+        """The next stance's feet in W [m], and how they were found."""
         nominal, yaw, turns, first = here
         back = turned(jnp.stack([planner.gait.step_length, jnp.zeros_like(yaw)]), yaw)
 

@@ -10,12 +10,12 @@ from jaxleg.foothold.rectangle import Extent, SearchRectangle
 from jaxleg.gait.params import GaitParams
 from jaxleg.gait.support import CogRule
 from jaxleg.leg.energy import Power
-from jaxleg.leg.workspace import up_to
 from jaxleg.search.lanes import CONSTRAINTS, Setting, penalty, per_metre
 from jaxleg.search.leaves import leaf_names, read_leaves
 from jaxleg.status import Status
 from jaxleg.walk.data import PlanChecks
 from jaxleg.walk.presets import paper_a
+from tests.crawls import up_to
 from tests.stand_ins import StandInLab
 
 DEGREE = np.pi / 180.0

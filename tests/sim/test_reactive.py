@@ -14,7 +14,6 @@ from jaxleg.control.swing_leg import Feeling, feeling, reflexes
 from jaxleg.gait.order import SHIFT, SWING_LEG
 from jaxleg.gait.params import GaitParams
 from jaxleg.leg.kinematics import Reach, leg_angles
-from jaxleg.leg.workspace import up_to
 from jaxleg.sim.contact import Ground
 from jaxleg.sim.legged import legged_engine
 from jaxleg.sim.reactive import walk_reactively
@@ -26,7 +25,7 @@ from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.walk.choices import no_choice
 from jaxleg.walk.data import Walk
 from jaxleg.walk.reference import reference
-from tests.crawls import crawl, settings
+from tests.crawls import crawl, settings, up_to
 
 DT, TICKS = 0.0025, 4800
 ERROR = np.array([0.03, -0.03])

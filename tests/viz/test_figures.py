@@ -11,7 +11,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from jaxleg.gait.params import GaitParams
-from jaxleg.leg.workspace import up_to
 from jaxleg.posture.body import joint_angles
 from jaxleg.robot import load_robot
 from jaxleg.terrain.generators import Grid, flat, stairs
@@ -20,7 +19,7 @@ from jaxleg.viz.results import energy
 from jaxleg.viz.search import history, parameters
 from jaxleg.viz.torque import torque_maps
 from jaxleg.walk.data import Reference
-from tests.crawls import crawl, settings
+from tests.crawls import crawl, settings, up_to
 
 ROBOT = Path(__file__).parents[2] / "configs/robots/pegasus.toml"
 GRID = Grid(56, 26, 0.04, (-0.9, -0.5))

@@ -16,7 +16,7 @@ from jaxleg.gait.support import CogRule
 from jaxleg.leg.workspace import Workspace
 from jaxleg.posture.body import joint_angles
 from jaxleg.posture.collision import Sizes
-from jaxleg.posture.workspace import stood
+from jaxleg.posture.workspace import nominal_rooms, stood
 from jaxleg.robot.mjcf import robot_mjcf
 from jaxleg.status import Status
 from jaxleg.terrain import Grid, flat, rough
@@ -135,6 +135,17 @@ def test_the_papers_gait_on_level_ground_by_hand(walked, ground, support):
     np.testing.assert_allclose([used.low, used.high], HIGH - walk.lowering, atol=1e-6)
     assert share == 1.0
     assert np.all(steps == Status.OK)
+
+
+@pytest.mark.parametrize("support", ["stance", "sweep"])
+def test_the_nominal_room_is_the_nearer_end_by_hand(pegasus, support):
+    """Of the paper's gait: 0.1 m behind its centre to 0.1 m ahead under `sweep`, from the centre on under `stance`."""
+    rooms = jax.jit(lambda planner: nominal_rooms(pegasus, planner.gait, planner.posture))
+    least = {"stance": -0.1, "sweep": -0.2}[support]
+    for behind, ahead in ((-0.25, 0.03), (-0.21, 0.05), (-0.2, -0.01)):
+        seen = np.asarray(rooms(crawler((behind, ahead), support=support)))
+        np.testing.assert_allclose(np.min(seen), min(least - behind, ahead), atol=1e-9)
+    np.testing.assert_allclose(np.min(rooms(crawler((-9.0, 9.0), low=0.47))), HIGH - 0.47, atol=1e-9)  # what binds is height
 
 
 @pytest.mark.parametrize(("cut", "share"), [((-0.099, 0.0), 1 / 3), ((-0.1, -0.001), 2 / 3)])
