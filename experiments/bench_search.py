@@ -18,17 +18,15 @@ import time
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 import tyro
 from matplotlib.figure import Figure
 
 from experiments import rivals
-from experiments.common import setup, training, write
-from jaxleg.leg.energy import CONVENTIONS
+from experiments.common import setup, write
+from experiments.searching import judged_lanes
 from jaxleg.search.config import Study
-from jaxleg.search.contestants import baseline, contestant
-from jaxleg.search.lanes import Lab, settings_of
+from jaxleg.search.lanes import Lab
 from jaxleg.search.training import Lanes, spread
 from jaxleg.viz.style import WIDTH, label, save
 
@@ -52,7 +50,7 @@ def main(
 
 def compared(study: Study, lab: Lab, kind: str, seeds: int, stopped: float) -> dict[str, Any]:
     """All ways on one kind."""
-    lanes, others = judged_lanes(study, lab, kind, held_out=False), spread(judged_lanes(study, lab, kind, held_out=True), HELD)
+    lanes, others = judged_lanes(study, lab, kind), spread(judged_lanes(study, lab, kind, held_out=True), HELD)
     referee = rivals.by_mujoco(lab, others)
     traces = {"ours": traced("ours", kind, lanes, seeds, 1e9)}
     values = {"ours": refereed(referee, traces["ours"])}
@@ -80,17 +78,6 @@ def compared(study: Study, lab: Lab, kind: str, seeds: int, stopped: float) -> d
             flush=True,
         )
     return {"target": target, "limit_s": limit, "terrains": lanes.number, "load": os.getloadavg()[0], "ways": rows}
-
-
-def judged_lanes(study: Study, lab: Lab, kind: str, held_out: bool) -> Lanes:
-    """Lanes whose energy counts against the traditional gait's and whose margin is to be kept, as the search has them."""
-    lanes = training(study, lab, kind, held_out)
-    vectors = np.tile(baseline(study, kind, "traditional"), (lanes.number, 1)).astype(np.float32)
-    alone = settings_of(contestant(study, kind, "traditional"), lanes.number)
-    score = lab.models(vectors, lanes.site, alone, np.zeros_like(vectors)).score
-    energy = np.full(lanes.number, score.energy[:, CONVENTIONS.index(study.power)].mean(), np.float32)
-    margin = score.checks.margin + np.float32(study.search.margin_reserve)
-    return jax.tree.map(np.asarray, Lanes(lanes.site, lanes.setting._replace(margin=margin, energy=energy)))
 
 
 def traced(method: str, kind: str, lanes: Lanes, seeds: int, limit: float) -> list[list[tuple[float, float, list[float]]]]:

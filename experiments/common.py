@@ -23,11 +23,11 @@ from jaxleg.settings import load
 CONFIG = Path(__file__).parent.parent / "configs" / "quickstart.toml"
 
 
-def setup() -> tuple[Study, Lab]:
-    """The quickstart's study and lab, with JAX configured as in the command line."""
+def setup(config: Path = CONFIG) -> tuple[Study, Lab]:
+    """A study, the quickstart's, and its lab, with JAX configured as in the command line."""
     configure_jax()
-    study = load(Study, CONFIG)
-    return study, make_lab(study, load_robot(robot_path(study, CONFIG)))
+    study = load(Study, config)
+    return study, make_lab(study, load_robot(robot_path(study, config)))
 
 
 def training(study: Study, lab: Lab, kind: str, held_out: bool = False) -> Lanes:

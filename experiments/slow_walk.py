@@ -5,16 +5,13 @@ import functools
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from experiments.common import training
+from experiments.searching import best_vector, judged_lanes
 from jaxleg.batch import over_lanes
-from jaxleg.leg.energy import CONVENTIONS, Convention, electrical, motor_power
+from jaxleg.leg.energy import Convention, electrical, motor_power
 from jaxleg.robot import Robot
-from jaxleg.search import descent
 from jaxleg.search.config import Study
-from jaxleg.search.contestants import baseline, bounds
 from jaxleg.search.lanes import Lab, Setting
 from jaxleg.search.training import Lanes, spread
 from jaxleg.sim.meters import Meters, Record
@@ -79,21 +76,5 @@ def mean_over_time(values: np.ndarray, time: np.ndarray, begin: float = 0.0, end
 
 def search_gait(study: Study, lab: Lab, kind: str, quick: bool) -> np.ndarray:
     """Our parameters for a kind of terrain: descents on the proxy within the study's bounds, margin at least traditional's."""
-    search = study.search
-    lanes = _judged(study, lab, training(study, lab, kind), kind)
-    lanes = spread(lanes, 4) if quick else lanes
-    span = descent.ranges(bounds(study, kind, "best")[None])
-    known = np.stack([baseline(study, kind, name) for name in ("traditional", "paper")])
-    points = descent.starts_of(jax.random.key(study.seed), known, span, search.starts)
-    plan = descent.rounds(lanes.number, search.lanes, search.starts)
-    return descent.searched(lab, lanes, span, points, plan, search.steps)[0][0]
-
-
-def _judged(study: Study, lab: Lab, lanes: Lanes, kind: str) -> Lanes:
-    """Lanes whose energy counts against traditional's, whose margin must keep to it."""
-    vectors = np.tile(baseline(study, kind, "traditional"), (lanes.number, 1)).astype(np.float32)
-    score = lab.models(vectors, lanes.site, lanes.setting, np.zeros_like(vectors)).score
-    energy = np.full(lanes.number, score.energy[:, CONVENTIONS.index("net")].mean())
-    floor = score.checks.margin + study.search.margin_reserve
-    margin, energy = (jnp.asarray(x, float) for x in (floor, energy))
-    return Lanes(lanes.site, lanes.setting._replace(margin=margin, energy=energy))
+    lanes = judged_lanes(study, lab, kind)
+    return best_vector(study, lab, kind, spread(lanes, 4) if quick else lanes)

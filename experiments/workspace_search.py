@@ -13,19 +13,17 @@ import itertools
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import tyro
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.bench_search import judged_lanes
 from experiments.common import setup, training, write
+from experiments.searching import best_vector, judged_lanes
 from jaxleg.batch import over_lanes
 from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.leg.energy import CONVENTIONS
-from jaxleg.search import descent
 from jaxleg.search.config import MOVE, WORKSPACE, Study
 from jaxleg.search.contest import Contest, contest, failures, saving, summary, workspace
 from jaxleg.search.contestants import baseline, bounds, contestant, numbers, searched_planner, short_name
@@ -79,7 +77,7 @@ def on_grounds(study: Study, rough: tuple[float, ...], train: int, held: int, st
 
 def on_ground(study: Study, lab: Lab, name: str, quick: bool) -> dict[str, Any]:
     """Everything on one kind of terrain."""
-    ground = Ground(name, judged_lanes(study, lab, name, held_out=False), training(study, lab, name, held_out=True))
+    ground = Ground(name, judged_lanes(study, lab, name), training(study, lab, name, held_out=True))
     found = {
         "rectangle": answer(study, lab, ground, PAPER, quick),
         "free": answer(study, lab, ground, None, quick),
@@ -103,11 +101,7 @@ def answer(study: Study, lab: Lab, ground: Ground, ends: tuple[float, float] | N
     box = bounds(study, ground.name, "best")
     for name, end in zip(ENDS, ends or ()):
         box[NUMBERS.index(name)] = end
-    span = descent.ranges(box[None])
-    known = np.stack([baseline(study, ground.name, who) for who in ("traditional", "paper")])
-    points = descent.starts_of(jax.random.key(study.seed), known, span, study.search.starts)
-    plan = descent.rounds(ground.train.number, study.search.lanes, study.search.starts)
-    return descent.searched(lab, ground.train, span, points, plan, 2 if quick else study.search.steps)[0][0]
+    return best_vector(study, lab, ground.name, ground.train, box, steps=2 if quick else None)
 
 
 def judged_by(lab: Lab, lanes: Lanes):

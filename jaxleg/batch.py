@@ -5,6 +5,7 @@ Lanes are compiled once for one chunk and shared out over all devices of this pr
 instead of XLA splitting each operation over the cores.
 """
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any
@@ -13,6 +14,24 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Picked:
+    """Lanes of these numbers of a tree (leading axis), some perhaps several times: as an argument of a batched function they
+    are looked up chunk by chunk, so that lanes with one map in common hold no copies of it."""
+
+    tree: Any
+    index: np.ndarray  # (lane,)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Their number, alone."""
+        return self.index.shape
+
+    def __getitem__(self, lanes: Any) -> Any:
+        """The tree of some of the lanes."""
+        return jax.tree.map(lambda x: np.asarray(x)[self.index[lanes]], self.tree)
 
 
 def over_lanes(lane: Callable[..., Any], chunk: int, devices: int | None = None) -> Callable[..., Any]:
@@ -64,12 +83,14 @@ def layout(count: int, most: int) -> tuple[int, int]:
 def in_chunks(function: Callable[..., Any], chunk: int, *batched: Any) -> Any:
     """Call a compiled batch function on chunks of one size (the last one padded by its last lane) and join the results.
 
-    Results are NumPy arrays: memory is that of one chunk, whatever the number of lanes.
+    What is batched has a leading axis or is `Picked`. Results are NumPy arrays: memory is that of one chunk, whatever their
+    number.
     """
     count = jax.tree.leaves(batched)[0].shape[0]
     if not count:
-        return _nothing(function, chunk, batched)
-    batched, parts = jax.tree.map(np.asarray, batched), []  # NumPy picks lanes without compiling anything
+        return _nothing(function, chunk, _lanes(batched, slice(None)))
+    batched = jax.tree.map(lambda x: x if isinstance(x, Picked) else np.asarray(x), batched)  # NumPy picks without compiling
+    parts = []
     for start in range(0, count, chunk):
         kept = min(chunk, count - start)
         part = function(*_lanes(batched, np.minimum(np.arange(start, start + chunk), count - 1)))

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxleg.batch import layout, over_lanes
+from jaxleg.batch import Picked, layout, over_lanes
 
 
 def test_lanes_are_shared_out_over_all_devices():
@@ -38,6 +38,14 @@ def test_a_single_lane_is_worked_out_once():
     lane = lambda x: jax.pure_callback(lambda y: seen.append(y.shape) or y, x, x, vmap_method="broadcast_all")  # noqa: E731
     over_lanes(lane, *layout(1, 8))(np.ones((1, 3)))
     assert seen == [(1, 3)]
+
+
+@pytest.mark.parametrize("count", [0, 1, 7])
+def test_lanes_that_are_looked_up_are_what_copies_are(count):
+    rows, index = {"a": np.arange(6.0).reshape(3, 2)}, np.array([2, 0, 0, 1, 2, 1, 0])[:count]
+    factor, lane = np.arange(1.0, 1.0 + count), lambda x, factor: factor * jnp.sum(x["a"])
+    seen = over_lanes(lane, 2)(Picked(rows, index), factor)
+    np.testing.assert_array_equal(seen, factor * rows["a"].sum(axis=1)[index])
 
 
 def test_no_lanes_give_empty_results():

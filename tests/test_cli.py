@@ -118,6 +118,8 @@ def config(tmp_path):
         (KIND + "[randomise]\nmass = 1.0\n", ["randomise.mass", "1.0", "below 1.0"]),
         (KIND + "[randomise]\ngains = -0.1\n", ["randomise.gains", "-0.1", "at least 0.0"]),
         (KIND + "[randomise]\nfriction = [0.9, 0.5]\n", ["randomise.friction", "[0.9, 0.5]", "lower end"]),
+        (KIND + "[search]\ncounted = [0.9, 0.9]\n", ["search.counted", "[0.9, 0.9]", "lower end"]),
+        (KIND + "[search]\ncounted = [0.0, 1.5]\n", ["search.counted", "1.5"]),
         (KIND + "[kinds.rough]\n[randomise]\nlanes = 1\n", ["randomise.lanes is 1", "0 or at least 2"]),
         (KIND + "[randomise]\nlanes = 9\n[simulation]\nengine = 'mjx'\n", ["simulation.engine is 'mjx'", "randomise.lanes"]),
         (KIND + "[randomise]\nlanes = 1000000\n", ["randomise.lanes", "5.82e+09", "2.15e+09"]),

@@ -118,6 +118,9 @@ def _check_spans(study: Study, source: str) -> None:
     for key, span in (spans | {"band": study.band, "randomise.friction": study.randomise.friction}).items():
         if span[0] > span[1]:
             raise InputError(f"{source}: {key} is {list(span)}, but its lower end must not exceed its upper end")
+    counted = study.search.counted
+    if counted[0] >= counted[1]:
+        raise InputError(f"{source}: search.counted is {list(counted)}, but its lower end must be below its upper end")
 
 
 def check_map(

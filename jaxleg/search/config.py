@@ -152,6 +152,13 @@ class Search:
     polish_steps: int = setting(0, min=0, max=5, help="gradients in simulation")
     polish_lanes: int = setting(16, min=1, max=32, help="terrains a gradient in simulation sees")
     polish_rate: float = setting(0.1, above=0.0, max=10.0, help="length of a polishing step")
+    counted: Span = setting(
+        (0.0, 1.0),
+        min=0.0,
+        max=1.0,
+        help="shares of the terrains, from the cheapest on, whose mean is minimised: [0.9, 1] the dearest tenth (CVaR),"
+        " [0, 0.99] lets one in a hundred fail",
+    )
     margin_reserve: float = setting(0.003, min=0.0, max=0.1, unit="m", help="stability margin kept above the baseline's")
     proxy_gaits: int = setting(32, min=4, max=1_000_000, help="random gaits on which proxy and simulation are compared")
     referee_terrains: int = setting(24, min=0, max=1_000_000, help="held-out terrains replayed in C MuJoCo")

@@ -1,6 +1,6 @@
 """The lowest point of a convex model with corners in a box: an interior method, its corners rounded less and less.
 
-    minimise  g^T d + d^T B d / 2 + mean over constraints of w fine(max(0, -min_k (c_k + a_k^T d)))   within  low < d < high
+    minimise  g^T d + d^T B d / 2 + sum over constraints of w fine(max(0, -min_k (c_k + a_k^T d)))   within  low < d < high
 
 Newton's method on the sum of that with every least and every max(0, .) rounded by 3 mu and a logarithmic barrier of weight mu
 at the box (Boyd & Vandenberghe, Convex Optimization, chapter 11), mu falling to `ROUGH`. NumPy in double precision: a problem
@@ -25,7 +25,7 @@ class Problem(NamedTuple):
     curvature: np.ndarray  # (number, number), positive definite
     rows: np.ndarray  # (constraint, row): what is left to each constraint is the least row
     slopes: np.ndarray  # (constraint, row, number)
-    weight: float  # of each constraint's penalty
+    weight: np.ndarray  # (constraint,) of each one's penalty
 
     def value(self, step: np.ndarray) -> float:
         """The model's change by a step, exactly."""
@@ -34,7 +34,7 @@ class Problem(NamedTuple):
     def _value(self, step):
         least = np.min(self.rows + self.slopes @ step, axis=1, initial=np.inf)
         fines = fine(np.maximum(-least, 0.0))
-        return self.slope @ step + 0.5 * step @ self.curvature @ step + self.weight * np.sum(fines)
+        return self.slope @ step + 0.5 * step @ self.curvature @ step + self.weight @ fines
 
 
 def lowest(problem: Problem, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -77,7 +77,7 @@ def _rounded(problem, low, high, step, weight):
     if not len(problem.rows):
         return value, slope, curvature
     fines, by_step, bent = _rounded_fines(problem, step, max(3.0 * weight, 1e-4))
-    return value + problem.weight * fines, slope + problem.weight * by_step, curvature + problem.weight * bent
+    return value + fines, slope + by_step, curvature + bent
 
 
 def _rounded_fines(problem, step, radius):
@@ -90,10 +90,10 @@ def _rounded_fines(problem, step, radius):
     lack = radius * np.log(total[:, 0]) - least[:, 0]
     root = np.hypot(lack, radius)
     lack, turn, bend = 0.5 * (lack + root), 0.5 * (1.0 + lack / root), 0.5 * radius**2 / root**3  # max(0, lack), rounded
-    first, second = fine_slopes(lack)
+    first, second = (problem.weight * x for x in fine_slopes(lack))
     way = -np.einsum("ck,ckn->cn", share, problem.slopes)
     along, sharp = first * turn, first * turn / radius
     flat = problem.slopes.reshape(-1, len(step))
     bent = flat.T @ ((sharp[:, None] * share).reshape(-1, 1) * flat)
     bent += way.T @ ((second * turn**2 + first * bend - sharp)[:, None] * way)
-    return np.sum(fine(lack)), along @ way, bent
+    return problem.weight @ fine(lack), along @ way, bent

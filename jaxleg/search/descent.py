@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxleg.batch import Picked
 from jaxleg.search.gauss_newton import Descents, Judged, Runs, begin, judged, on_others
 from jaxleg.search.lanes import Lab
 from jaxleg.search.training import Lanes, spread
@@ -125,9 +126,10 @@ def judge(lab: Lab, lanes: Lanes, span: Ranges, asked: dict[int, np.ndarray], re
     if not asked:
         return {}
     points, numbers = np.stack(list(asked.values())), np.array(list(asked))
-    many = lanes.take(np.tile(np.arange(lanes.number), len(points)))
+    index = np.tile(np.arange(lanes.number), len(points))
+    sites, settings = Picked(lanes.site, index), Picked(lanes.setting, index)
     vectors = np.repeat(span.vectors(points), lanes.number, axis=0)
     within = np.repeat(reach[numbers][:, None] * span.width, lanes.number, axis=0).astype(vectors.dtype)
-    models = lab.models(vectors, many.site, many.setting, within)
+    models = lab.models(vectors, sites, settings, within)
     parts = [jax.tree.map(lambda x: x[i * lanes.number : (i + 1) * lanes.number], models) for i in range(len(points))]  # noqa: B023
-    return {run: judged(model, span.width) for run, model in zip(asked, parts)}
+    return {run: judged(model, span.width, lab.counted) for run, model in zip(asked, parts)}

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from jaxleg.search.config import Span
 from jaxleg.search.convex import Problem, lowest
 from jaxleg.search.model import Model
 from jaxleg.search.penalty import fine
@@ -36,10 +37,10 @@ class Judged(NamedTuple):
     """The objective of one run's vector over its lanes, and its model there."""
 
     value: float
-    slope: np.ndarray  # (number,) of the mean cost
+    slope: np.ndarray  # (number,) of the cost
     rows: np.ndarray  # (constraint, row), of all lanes
     slopes: np.ndarray  # (constraint, row, number)
-    weight: float  # of a lane in the mean
+    weight: np.ndarray  # (constraint,) of its lane in the objective
 
 
 def begin(at: np.ndarray) -> Runs:
@@ -58,16 +59,31 @@ def _started(at, radius, curvature, steps):
     return Runs(at, np.full(len(at), np.inf), radius, 2.0 * radius, curvature, steps, np.zeros((), bool))
 
 
-def judged(model: Model, width: np.ndarray) -> Judged:
-    """One run's lanes (leading axis) as one model in widths. A lane that cannot be judged costs `FAILED` and has no slope."""
+def judged(model: Model, width: np.ndarray, counted: Span = (0.0, 1.0)) -> Judged:
+    """One run's lanes (leading axis) as one model in widths, of those that are `counted` (`counts`). A lane that cannot be
+    judged costs `FAILED` and has no slope."""
     usable = np.isfinite(model.cost) & np.isfinite(model.slope).all(axis=1)
     usable &= np.isfinite(model.rows).all(axis=(1, 2)) & np.isfinite(model.slopes).all(axis=(1, 2, 3))
-    lanes, weight = len(usable), 1.0 / len(usable)
-    cost, slope, rows, slopes = (np.asarray(x, float)[usable] for x in model[1:])
-    fines = fine(np.maximum(-rows.min(axis=2), 0.0)).sum()
-    value = weight * (np.sum(cost) + fines + FAILED * (lanes - usable.sum()))
+    with np.errstate(invalid="ignore"):
+        cost = np.asarray(model.cost, float) + fine(np.maximum(-np.asarray(model.rows, float).min(axis=2), 0.0)).sum(axis=1)
+    cost = np.where(usable, cost, FAILED)
+    weight = counts(cost, counted)
+    kept = usable & (weight > 0.0)
+    slope, rows, slopes = (np.asarray(x, float)[kept] for x in model[2:])
     flat = rows.reshape(-1, rows.shape[-1]), slopes.reshape(-1, *slopes.shape[2:]) * width
-    return Judged(float(value), weight * slope.sum(axis=0) * width, *flat, weight)
+    return Judged(float(weight @ cost), weight[kept] @ slope * width, *flat, np.repeat(weight[kept], rows.shape[1]))
+
+
+def counts(cost: np.ndarray, counted: Span) -> np.ndarray:
+    """Weight of each lane in the objective: its part of the shares (from, to) of all lanes, in the order of their cost.
+
+    (0, 1) is the mean, (0.9, 1) the mean of the dearest tenth (CVaR; Rockafellar & Uryasev 2000), (0, 0.99) leaves out the
+    dearest hundredth: so many may fail. Which lanes these are is held in a model, as is which foothold is chosen.
+    """
+    low, high = counted
+    place = np.argsort(np.argsort(cost, kind="stable")) / len(cost)
+    inside = np.minimum(place + 1.0 / len(cost), high) - np.maximum(place, low)
+    return np.maximum(inside, 0.0) / (high - low)
 
 
 class Descents:
@@ -115,8 +131,8 @@ class Descents:
         if not free.any():
             return at, 0.0
         may_bind = np.any(here.rows < np.sum(np.abs(here.slopes[..., free]), axis=2) * radius, axis=1)
-        rows, slopes = here.rows[may_bind], here.slopes[may_bind][..., free]
-        problem = Problem(here.slope[free], self.runs.curvature[run][np.ix_(free, free)], rows, slopes, here.weight)
+        rows, slopes, weight = here.rows[may_bind], here.slopes[may_bind][..., free], here.weight[may_bind]
+        problem = Problem(here.slope[free], self.runs.curvature[run][np.ix_(free, free)], rows, slopes, weight)
         step = np.zeros_like(at)
         step[free] = lowest(problem, np.minimum(low[free], 0.0), np.maximum(high[free], 0.0))
         return np.clip(at + step, *self.box[run].T), -problem.value(step[free])

@@ -22,7 +22,7 @@ from jaxleg.planner import Planner
 from jaxleg.posture.workspace import nominal_rooms
 from jaxleg.robot import Robot
 from jaxleg.route.stations import Stations
-from jaxleg.search.config import EngineName
+from jaxleg.search.config import EngineName, Span
 from jaxleg.search.leaves import read_leaves, with_leaves
 from jaxleg.search.model import Model, linearised
 from jaxleg.search.penalty import fine
@@ -111,6 +111,7 @@ class Lab:
     chunk: int
     convention: Convention
     terms: EngineName = "legged"
+    counted: Span = (0.0, 1.0)  # shares of the lanes, from the cheapest on, that a search counts: see `gauss_newton.counts`
 
     @functools.cached_property
     def engine(self) -> Engine:

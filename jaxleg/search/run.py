@@ -31,6 +31,7 @@ def make_lab(study: Study, robot: Robot) -> Lab:
         chunk=sim.chunk,
         convention=study.power,
         terms=sim.engine,
+        counted=study.search.counted,
     )
 
 

@@ -2,16 +2,18 @@
 
 import dataclasses
 import functools
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxleg.batch import over_lanes
 from jaxleg.posture.collision import Sizes
 from jaxleg.robot import Robot
 from jaxleg.search.config import Kind, Study, Terrains
 from jaxleg.terrain.footing import FootingRule
-from jaxleg.terrain.generators import BATCH, Grid, TerrainSettings, terrain_batch
+from jaxleg.terrain.generators import BATCH, Grid, TerrainSettings, terrain, terrain_keys
 from jaxleg.terrain.heightmap import HeightMap
 from jaxleg.terrain.site import Site
 from jaxleg.walk.site import site_of
@@ -32,13 +34,19 @@ def make_sites(study: Study, robot: Robot, kind: str, held_out: bool) -> Site:
     names = list(study.kinds)
     total = study.terrains.held_out if held_out else study.terrains.train
     count = share(total, len(names), names.index(kind))
-    table, maps = study.kinds[kind], study.terrains
+    table = study.kinds[kind]
     key = jax.random.fold_in(jax.random.key(study.seed), names.index(kind))
-    difficulties = jnp.asarray(_spread(table, count), float)
-    first = HELD_OUT if held_out else 0
-    sites = _build(table.generator, grid(study), first, terrain_settings(table), Sizes.of(robot), maps, key, difficulties)
-    kept = first_of_each(np.asarray(sites.terrain.elevation))
-    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[kept]), sites)
+    keys = terrain_keys(key, HELD_OUT if held_out else 0, count)
+    make = _maker(table.generator, grid(study), terrain_settings(table))
+    made = make(np.asarray(jax.random.key_data(keys)), _spread(table, count))
+    kept = first_of_each(made.elevation)
+    return sites_on(study.terrains, Sizes.of(robot), jax.tree.map(lambda x: x[kept], made))
+
+
+@functools.lru_cache
+def _maker(generator: str, grid: Grid, settings: TerrainSettings) -> Callable[..., HeightMap]:
+    """Terrains of a kind from the data of their keys and their difficulties: one program, however many there are."""
+    return over_lanes(lambda data, hard: terrain(generator, grid, jax.random.wrap_key_data(data), hard, settings), BATCH)
 
 
 def terrain_settings(kind: Kind) -> TerrainSettings:
@@ -52,18 +60,15 @@ def first_of_each(rows: np.ndarray) -> np.ndarray:
     return np.array(sorted(found.values()), int)
 
 
-@functools.partial(jax.jit, static_argnums=range(6))
-def _build(generator, grid, first, settings, sizes, maps, key, difficulties):
-    terrain = jax.lax.optimization_barrier(
-        terrain_batch(generator, grid, key, first, difficulties, settings)
-    )  # or XLA folds flat ground
-    return sites_on(maps, sizes, terrain)
-
-
-@functools.partial(jax.jit, static_argnums=range(2))
 def sites_on(maps: Terrains, sizes: Sizes, terrain: HeightMap) -> Site:
     """The sites that planners see on maps with a leading axis, for a robot of these sizes."""
-    return jax.lax.map(functools.partial(site_of, footing_rule(maps), sizes, maps.resolution), terrain, batch_size=BATCH)
+    return jax.tree.map(jnp.asarray, _surveyor(footing_rule(maps), sizes, maps.resolution)(terrain))
+
+
+@functools.lru_cache
+def _surveyor(rule: FootingRule, sizes: Sizes, resolution: float) -> Callable[..., Site]:
+    """Sites of maps: one program for all kinds of terrain."""
+    return over_lanes(functools.partial(site_of, rule, sizes, resolution), BATCH)
 
 
 def footing_rule(maps: Terrains) -> FootingRule:

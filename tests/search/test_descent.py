@@ -20,9 +20,10 @@ class Bowl(StandInLab):
     """A lab whose cost is a bowl round `TARGET`, tilted by the terrain's number; no constraint binds."""
 
     def __init__(self):
-        super().__init__(seen=[])
+        super().__init__(seen=[], counted=(0.0, 1.0))
 
     def models(self, vectors, site, setting, reach):
+        site = site[:]
         self.seen.append(np.asarray(site).tolist())
         apart, tilt = np.asarray(vectors, float) - TARGET, 0.02 * (np.asarray(site) - 3.5)[:, None]
         lanes = len(apart)

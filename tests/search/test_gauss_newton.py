@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from jaxleg.search.gauss_newton import FAILED, Descents, begin, bent, judged, on_others
+from jaxleg.search.gauss_newton import FAILED, Descents, begin, bent, counts, judged, on_others
 from jaxleg.search.model import FREE, Model
 
 TARGET = np.array([0.3, 0.7, 0.5])
@@ -81,6 +81,42 @@ def test_a_lane_with_a_row_that_is_no_number_cannot_be_judged():
     rows[1, 0, 0] = np.nan
     seen = judged(sound._replace(rows=rows), np.ones(3))
     assert_allclose(seen.value, (2 * 0.15**2 + FAILED) / 2)
+
+
+@pytest.mark.parametrize(
+    ("counted", "weights"),
+    [
+        ((0.0, 1.0), [0.2, 0.2, 0.2, 0.2, 0.2]),
+        ((0.8, 1.0), [0.0, 1.0, 0.0, 0.0, 0.0]),
+        ((0.7, 1.0), [0.0, 2 / 3, 0.0, 0.0, 1 / 3]),  # half of the second dearest
+        ((0.0, 0.8), [0.25, 0.0, 0.25, 0.25, 0.25]),
+        ((0.1, 0.3), [0.0, 0.0, 0.5, 0.5, 0.0]),
+    ],
+)
+def test_lanes_count_by_their_place_in_the_order_of_cost(counted, weights):
+    assert_allclose(counts(np.array([3.0, 9.0, 1.0, 2.0, 4.0]), counted), weights, atol=1e-12)
+
+
+def test_the_dearest_share_is_what_rockafellar_and_uryasev_minimise():
+    """CVaR is the least over t of t + mean(max(0, cost - t)) / share; the least is where t is one of the costs."""
+    cost = np.random.default_rng(0).gamma(2.0, size=37)
+    for share in (0.05, 0.1, 0.33, 1.0):
+        least = min(t + np.maximum(cost - t, 0.0).mean() / share for t in cost)
+        assert_allclose(counts(cost, (1.0 - share, 1.0)) @ cost, least)
+
+
+def test_only_lanes_that_count_are_in_the_model():
+    """The dearer of two lanes alone, slope and constraints too; and what may fail costs nothing."""
+    at = np.array([0.6, 0.8, 0.5])
+    both = lanes(at, shift=(0.0, 0.4))
+    dearer, cheaper = (judged(Model(None, *(x[i : i + 1] for x in both[1:])), np.ones(3)) for i in (1, 0))
+    for counted, alone in (((0.5, 1.0), dearer), ((0.0, 0.5), cheaper)):
+        seen = judged(both, np.ones(3), counted)
+        assert seen.value == alone.value
+        assert_allclose(seen.slope, alone.slope)
+        assert_allclose(seen.weight, alone.weight)
+        assert_allclose(seen.rows, alone.rows)
+    assert judged(lanes(at, shift=(0.0, 0.4), failed=(1,)), np.ones(3), (0.0, 0.5)).value == cheaper.value
 
 
 def test_a_step_that_costs_is_not_taken_and_the_next_is_shorter():

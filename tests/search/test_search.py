@@ -143,18 +143,31 @@ def answer(whole, robot, gradients):
 
 
 @BY_PROXY
-def test_a_run_killed_after_every_single_save_reaches_the_same_answer(answer, tmp_path, robot):
-    """Bit by bit; no stage is worked out twice."""
+def test_a_run_killed_after_every_single_save_of_a_kind_reaches_the_same_answer(answer, whole, tmp_path, robot):
+    """Bit by bit; no stage is worked out twice. Rough ground's stages and the proxy's are taken out of the finished run."""
     result, chosen, stages = answer
     assert len(set(stages)) == 3 * 6 + 1  # baseline, two rounds of descent, polished, held-out, referee by kind; proxy
-    for saves in range(len(stages)):
+    own = [stage for stage in stages if stage.startswith("rough/") or stage == "proxy"]
+    shutil.copytree(whole, tmp_path / "run")
+    for folder in (tmp_path / "run" / "checkpoints").iterdir():
+        if folder.name.startswith(("rough", "proxy")):
+            shutil.rmtree(folder)
+    for _ in own:
         with pytest.raises(Killed):
-            search(tmp_path / "run", robot, resume=saves > 0, saves=1)
+            search(tmp_path / "run", robot, resume=True, saves=1)
     again, best, later = search(tmp_path / "run", robot, resume=True)
     assert later == []
     assert again == result
     for kind in chosen:
         np.testing.assert_array_equal(best[kind], chosen[kind], strict=True)
+
+
+@BY_PROXY
+def test_a_run_killed_at_its_first_save_is_there_to_resume(tmp_path, robot):
+    with pytest.raises(Killed):
+        search(tmp_path / "run", robot, resume=False, saves=1)
+    with pytest.raises(Killed):
+        search(tmp_path / "run", robot, resume=True, saves=1)
 
 
 SAVES = {"flat": 0.4, "rough": 0.4, "stairs": 0.15}  # at least, against traditional
