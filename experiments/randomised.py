@@ -27,7 +27,7 @@ from jaxleg.robot import RobotFile, build_robot
 from jaxleg.search.config import Study, robot_path
 from jaxleg.search.contestants import STAGES, short_name
 from jaxleg.search.randomised import randomised
-from jaxleg.search.run import Run
+from jaxleg.search.run import Run, make_lab
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.settings import load
 
@@ -77,7 +77,8 @@ def randomised_lanes(study: Study, robot: RobotFile, chosen: dict[str, np.ndarra
     with tempfile.TemporaryDirectory() as name:
         folder = RunFolder.open(Path(name) / "run", {"config": study, "robot": robot}, resume=False)
         try:
-            return randomised(Run(study, build_robot(robot), folder, lambda _, text: print(text, flush=True)), chosen)
+            lab = make_lab(study, build_robot(robot))
+            return randomised(Run(study, lab, folder, lambda _, text: print(text, flush=True)), chosen)
         finally:
             folder.close()
 

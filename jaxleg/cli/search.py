@@ -42,7 +42,7 @@ def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) 
 
     from jaxleg.about import about
     from jaxleg.search.contestants import CONTESTANTS, STAGES, with_best
-    from jaxleg.search.run import work
+    from jaxleg.search.run import make_lab, work
     from jaxleg.search.run_folder import RunFolder
     from jaxleg.search.study import run
     from jaxleg.settings import dump
@@ -57,11 +57,12 @@ def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) 
         console.print(f"this run began with {change}: the last digits may differ")
     try:
         with progress(console, work(study)) as report:
-            result, chosen = run(study, robot, folder, report)
+            lab = make_lab(study, robot)
+            result, chosen = run(study, lab, folder, report)
             folder.write_result(result)
             dump(with_best(study, chosen), folder.best)
             report(work(study), "figures")
-            failed = draw(study, robot, result, folder)
+            failed = draw(study, lab, result, folder)
     except KeyboardInterrupt:
         console.print(f"interrupted; `--resume --out {out}` goes on from here")
         return EXIT_INTERRUPTED
@@ -99,15 +100,13 @@ def empty_workspaces(result: dict[str, Any]) -> dict[tuple[str, str], str]:
     return lines
 
 
-def draw(study: Any, robot: Any, result: dict[str, Any], folder: Any) -> list[str]:
+def draw(study: Any, lab: Any, result: dict[str, Any], folder: Any) -> list[str]:
     """Draw what can be drawn; returns a line on each picture that cannot. The result is safe by then."""
-    from jaxleg.search.run import make_lab
-
     failed = []
     try:
         from jaxleg.viz.study import study_pictures  # matplotlib: only once there is something to draw
 
-        pictures = study_pictures(study, make_lab(study, robot), result, folder.history)
+        pictures = study_pictures(study, lab, result, folder.history)
     except Exception as error:  # whatever fails in a plotting library
         return [f"{folder.figures}: {error}"]
     for name, picture in pictures.items():

@@ -51,8 +51,9 @@ LEAST_LOAD = 0.05  # every standing foot presses down with at least this share o
 
 
 class LanePlan(NamedTuple):
-    """A lane's plan as the simulation follows it."""
+    """A lane's plan as the simulation follows it, and the walk that it samples."""
 
+    walk: Walk
     reference: Reference
     slack: Float[Array, "constraint"]  # distance to each constraint, negative = violated, in its unit
     checks: PlanChecks
@@ -169,7 +170,7 @@ class Lab:
         time, at = instants(self.robot, walk, self.samples)
         used = jnp.ones(time.shape, bool)
         checks = plan_checks(self.robot, walk, at, needs_at(self.robot, at, used), used)
-        return LanePlan(to_reference(time, at), self.slack(self.planner(vector, setting), checks, setting), checks)
+        return LanePlan(walk, to_reference(time, at), self.slack(self.planner(vector, setting), checks, setting), checks)
 
     def followed(self, plan: LanePlan, site: Site, setting: Setting, truth: Truth | None = None) -> tuple[Score, Meters]:
         """Judge one lane's plan in simulation, with the lab's robot on the site's map or with what is true instead; the

@@ -44,15 +44,15 @@ def work(study: Study) -> float:
 
 @dataclasses.dataclass
 class Run:
-    """One run of a study: its settings, its folder and what is shared between the stages."""
+    """One run of a study: its settings, what its lanes share, its folder and what is shared between the stages."""
 
     study: Study
-    robot: Robot
+    lab: Lab
     folder: RunFolder
     report: Report
 
     def __post_init__(self) -> None:
-        self.lab = make_lab(self.study, self.robot)
+        self.robot = self.lab.robot
         self.kinds = tuple(self.study.kinds)
         self.seconds: dict[str, float] = {}
         self.trained: dict[str, int] = {}  # distinct training terrains by kind

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from jaxleg.about import about
-from jaxleg.robot import Robot
 from jaxleg.search.config import Study
 from jaxleg.search.contest import active_constraints, failures, nested, savings_by_engine, summary, workspace
 from jaxleg.search.contestants import BASELINES, CONTESTANTS, STAGES, bounds, contestants, numbers, short_name
-from jaxleg.search.lanes import CYCLES
+from jaxleg.search.lanes import CYCLES, Lab
 from jaxleg.search.randomised import randomised
 from jaxleg.search.run import Report, Run
 from jaxleg.search.run_folder import RunFolder
@@ -23,12 +22,13 @@ from jaxleg.search.training import training_lanes
 from jaxleg.search.verify import check_proxy, held_out, referee
 
 
-def run(study: Study, robot: Robot, folder: RunFolder, report: Report) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Run (or resume) a study; returns its result and the searched parameter vectors (stage, parameter) of each kind.
+def run(study: Study, lab: Lab, folder: RunFolder, report: Report) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Run (or resume) a study in its lab (`run.make_lab`); returns its result and the searched parameter vectors (stage,
+    parameter) of each kind.
 
     Raises nothing of its own: failures are counted in the result.
     """
-    state = Run(study, robot, folder, report)
+    state = Run(study, lab, folder, report)
     began = time.perf_counter()
     chosen, held, replays = {}, {}, {}
     groups = [state.kinds] if study.one_for_all else [(kind,) for kind in state.kinds]

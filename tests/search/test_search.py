@@ -90,10 +90,10 @@ BY_PROXY = pytest.mark.parametrize("gradients", ["proxy"], indirect=True, scope=
 def unoptimised(function):
     """The function, compiled soon: it runs for less time than its compilation would take."""
 
-    def call(*lanes):
+    def call(*lanes, **options):
         jax.config.update("jax_disable_most_optimizations", True)
         try:
-            return function(*lanes)
+            return function(*lanes, **options)
         finally:
             jax.config.update("jax_disable_most_optimizations", False)
 
@@ -106,7 +106,7 @@ def sites_once(made):
     def make(*study, **held_out):
         which = repr((study, held_out))
         if which not in made:
-            made[which] = make_sites(*study, **held_out)
+            made[which] = unoptimised(make_sites)(*study, **held_out)
         return made[which]
 
     return make
@@ -125,7 +125,7 @@ def search(path, robot, resume, study=STUDY, saves=None):
 
     folder.save = save
     try:
-        result, chosen = run(study, robot, folder, lambda *_: None)
+        result, chosen = run(study, runs.make_lab(study, robot), folder, lambda *_: None)
         folder.write_result(result)
         return json.loads(folder.result.read_text()) | {"timing": None}, chosen, done
     finally:

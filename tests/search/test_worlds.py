@@ -123,7 +123,7 @@ def standing(slope=0.0):
     held = [jnp.asarray(np.stack([x, x]), float) for x in (*rows, np.ones(4))]
     zero = jnp.zeros(())
     checks = PlanChecks(**dict.fromkeys(PlanChecks._fields, zero) | {"status": jnp.asarray(Status.OK)})
-    return LanePlan(Reference(jnp.array([0.0, SECONDS]), *held), jnp.zeros(len(CONSTRAINTS)), checks)
+    return LanePlan(None, Reference(jnp.array([0.0, SECONDS]), *held), jnp.zeros(len(CONSTRAINTS)), checks)
 
 
 @pytest.fixture(scope="module")
