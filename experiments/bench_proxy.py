@@ -1,5 +1,5 @@
 """What does judging a plan cost? CPU time a lane of choosing and laying out a walk, of its energy proxy with and without the
-gradient, and of the reference that controllers follow; on flat and on rough ground.
+gradient, and of the reference that controllers follow; on each ground of the quickstart.
 
 The baseline planner of the quickstart, 16 lanes in one program on one device. Beside it how far the proxy's energy is from that
 of a quadrature with four times the nodes. Older commits are compared by running this file there.
@@ -21,11 +21,11 @@ import tyro
 from experiments.common import setup, training, write
 from jaxleg.search.contestants import baseline
 from jaxleg.search.lanes import Lab
-from jaxleg.walk import proxy
+from jaxleg.walk import quadrature
 from jaxleg.walk.reference import reference
 
 LANES = 16
-KINDS = ("flat", "rough")
+KINDS = ("flat", "rough", "stairs")
 FINER = 4  # times as many nodes in each piece
 
 
@@ -57,8 +57,8 @@ def programs(lab: Lab) -> dict[str, Callable[..., Any]]:
         return jax.grad(lambda x: lab.proxy(x, site, choice, setting).objective)(vector)
 
     def finer(vector, site, setting):
-        pieces = {name: [(*p[:2], FINER * p[2]) for p in getattr(proxy, name)] for name in ("SHIFT_PIECES", "SWING_PIECES")}
-        with mock.patch.multiple(proxy, **pieces):  # while it is traced
+        nodes = {name: tuple(FINER * n for n in getattr(quadrature, name)) for name in ("SHIFT_NODES", "SWING_NODES")}
+        with mock.patch.multiple(quadrature, FINE=FINER * quadrature.FINE, **nodes):  # while it is traced
             return judged(vector, site, setting)
 
     lanes = {"walk": walk, "judged": judged, "sloped": sloped, "finer": finer}

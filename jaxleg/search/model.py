@@ -1,6 +1,6 @@
 """A lane near a vector: its cost as a straight line, its constraints as the least of many.
 
-A plan's constraint is the least of a smooth function over instants, feet and joints (the knee bend of four legs at 176
+A plan's constraint is the least of a smooth function over instants, feet and joints (the knee bend of four legs at 240
 instants, say). The least has corners, where a gradient says little; the functions it is the least of have none. A `Model`
 holds the straight line of each of those that may become the least within `reach`.
 """

@@ -1,7 +1,7 @@
 """Energy proxy: electrical energy of the plan's own inverse dynamics, and what constrains the plan.
 
-The integral over a cycle is a Gauss rule on each smooth piece of each phase, so that the phases' shares have true
-gradients (a uniform grid aliases them). Differentiable in every continuous parameter; the discrete foothold choice is held.
+The integral over a cycle is that of `quadrature`. Differentiable in every continuous parameter; the discrete foothold choice is
+held.
 """
 
 from collections.abc import Callable
@@ -13,25 +13,17 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxleg.conventions import GRAVITY
-from jaxleg.gait.order import SHIFT
 from jaxleg.gait.support import stability_margin
-from jaxleg.leg.energy import Power, motor_power
+from jaxleg.leg.energy import Power
 from jaxleg.leg.kinematics import Reach
 from jaxleg.robot import Robot
 from jaxleg.status import Status
 from jaxleg.walk.data import PlanChecks, Walk
 from jaxleg.walk.inside import found_so, stood_in
+from jaxleg.walk.quadrature import energy_of, nodes_of, pieces_of
 from jaxleg.walk.reference import Instant, at_places, phase_instant
 
 BATCH = 512  # instants of a walk worked out together
-# Smooth pieces (start, width, nodes) of a phase; (a, b) is a + b times the share of a swing in which load goes over.
-SHIFT_PIECES = (((0.0, 0.0), (0.5, 0.0), 4), ((0.5, 0.0), (0.5, 0.0), 4))  # two halves
-SWING_PIECES = (  # load off, foot up, foot down, load on
-    ((0.0, 0.0), (0.0, 1.0), 2),
-    ((0.0, 1.0), (0.5, -1.0), 7),
-    ((0.5, 0.0), (0.5, -1.0), 7),
-    ((1.0, -1.0), (0.0, 1.0), 2),
-)
 
 
 class Needs(NamedTuple):
@@ -56,12 +48,11 @@ class Proxy(NamedTuple):
 
 def evaluate(robot: Robot, walk: Walk) -> Proxy:
     """Energy and checks over all of a walk; one lane, `vmap` outside."""
-    phase, share, weight = _nodes(walk)
+    pieces = pieces_of(walk)
+    phase = np.concatenate([np.repeat(some.phase, some.nodes) for some in pieces])
+    share = jnp.concatenate([nodes_of(some) for some in pieces])
     at = over_phases(lambda p, s: phase_instant(robot, p, s, walk.load_share), walk, phase, share)
-    power = motor_power(robot, at.torque, at.velocity)
-    used = walk.used[phase]
-    seconds = jnp.where(used, weight * walk.phases.duration[phase], 0.0)
-    energy = Power(*(jnp.sum(seconds[None, None] * p, axis=-1) for p in power))
+    used, energy = walk.used[phase], energy_of(robot, walk, pieces, at)
     time = jnp.sum(jnp.where(walk.used, walk.phases.duration, 0.0))
     needs = needs_at(robot, at, used)
     return Proxy(energy, walk.way, time, needs, checks(robot, walk, at, needs, used))
@@ -102,22 +93,3 @@ def _status(robot, walk, beyond, numbers):
     status = jnp.where(outside, Status.KINEMATICS, Status.OK)
     status = jnp.where(jnp.isfinite(numbers), status, Status.NOT_FINITE)
     return jnp.where(walk.status == Status.OK, status, walk.status).astype(jnp.int32)
-
-
-def _nodes(walk: Walk):
-    """Phase index, share and quadrature weight (in shares of the phase) of every node of a walk."""
-    swing, shift = _quadrature(SWING_PIECES), _quadrature(SHIFT_PIECES)
-    nodes = [shift if leg == SHIFT else swing for leg in walk.legs]
-    phase = np.repeat(np.arange(len(nodes)), [node.shape[1] for node in nodes])
-    share, weight = (jnp.asarray(x, walk.load_share.dtype) for x in np.concatenate(nodes, axis=1))
-    return phase, share[:, 0] + share[:, 1] * walk.load_share, weight[:, 0] + weight[:, 1] * walk.load_share
-
-
-def _quadrature(pieces):
-    """Gauss-Legendre nodes and weights of a phase's pieces: (share or weight, node, (a, b))."""
-    parts = []
-    for start, width, order in pieces:
-        x, w = np.polynomial.legendre.leggauss(order)
-        share = np.array(start) + np.outer((x + 1.0) / 2.0, width)
-        parts.append(np.stack([share, np.outer(w / 2.0, width)]))
-    return np.concatenate(parts, axis=1)
