@@ -135,13 +135,15 @@ def choose_stance(
     """
     seen = candidates(rectangle, terrain.resolution, extent.cells)
     footing, level, height, usable = look(nominal, valid, terrain, seen, reachable, extent.cells)
-    common = jnp.all(usable, axis=0) & inside(rooms(nominal, seen, height, room))
+    together = jnp.all(usable, axis=0)
 
     def first(value, allowed):
         keys = tuple(key.reshape(-1) for key in preference(seen.along, value))
         return preferred(keys, allowed.reshape(*allowed.shape[:-2], -1))
 
-    short, nominal_found = first(feasible_score(seen.along, rectangle), common & seen.short)
+    score = feasible_score(seen.along, rectangle)
+    common = together & _inside(nominal, seen, height, room, *first(score, together & seen.short))
+    short, nominal_found = first(score, common & seen.short)
     long, widened_found = first(feasible_score(seen.along, rectangle, rectangle.longer), common & seen.long)
     near, near_found = first(nearness(seen.along), usable & seen.long[None])
     offset = seen.offset.reshape(-1, 2)[jnp.where(nominal_found, short, jnp.where(widened_found, long, near))]
@@ -171,6 +173,21 @@ def look(
     height = jax.vmap(lambda c: jax.lax.dynamic_slice(bordered, c, size))(corner)
     level = _levels(jnp.where(seen.long, height, jnp.nan))
     return Found(footing, level, height, _within(height, level[:, None, None], reachable))
+
+
+def _inside(nominal, seen: Candidates, height, room: Room, best, found) -> Bool[Array, "i j"]:
+    """Which common offsets leave the four feet `room`. Where the `best` one does, as nearly always, none but it is asked about:
+    no other will be taken."""
+    at = jnp.unravel_index(best, height.shape[1:])
+    feet = jnp.concatenate([nominal + seen.offset[at][None], height[:, *at][:, None]], axis=1)
+
+    def ask(state):
+        """Ask about all. That nothing was ruled out before says the compiler that this cannot be worked out beforehand."""
+        own = jnp.where(state[0][None], height, jnp.nan)
+        return inside(rooms(nominal, seen, own, room)), jnp.array(True)
+
+    begin = jnp.ones(height.shape[1:], bool), found & inside(room(feet))
+    return jax.lax.while_loop(lambda state: ~state[1], ask, begin)[0]
 
 
 def rooms(nominal: Float[Array, "leg 2"], seen: Candidates, height: Float[Array, "leg i j"], room: Room) -> Float[Array, "i j"]:

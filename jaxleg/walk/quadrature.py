@@ -64,18 +64,28 @@ def energy_of(robot: Robot, walk: Walk, pieces: list[Pieces], at: Instant) -> Po
     total, first = Power(*[jnp.zeros(at.torque.shape[:2], at.torque.dtype)] * 3), 0
     for some in pieces:
         last = first + len(some.phase) * some.nodes
-        power = motor_power(robot, *(_finer(x[..., first:last], some.nodes) for x in (at.torque, at.velocity)))
+        torque, speed = (
+            x[..., first:last].reshape(*x.shape[:2], -1, some.nodes) for x in (at.torque, at.velocity)
+        )  # (leg, joint, piece, node)
+        power = motor_power(robot, torque, speed)
+        fine = motor_power(robot, _finer(torque), _finer(speed)).mechanical_positive
         seconds = jnp.where(walk.used[some.phase], some.width * walk.phases.duration[some.phase], 0.0)
-        weight = seconds[:, None] * jnp.asarray(_gauss(FINE)[1], seconds.dtype)[None]
-        total = jax.tree.map(lambda sum, p: sum + jnp.sum(p * weight[None, None], axis=(-2, -1)), total, power)  # noqa: B023
+        parts = (_sum(power.mechanical, seconds), _sum(fine, seconds), _sum(power.joule, seconds))
+        total = jax.tree.map(jnp.add, total, Power(*parts))
         first = last
     return total
 
 
-def _finer(values: Float[Array, "leg joint node"], nodes: int) -> Float[Array, "leg joint piece fine"]:
-    """Values at the `FINE` places of each piece, by the polynomial through its nodes."""
-    matrix = jnp.asarray(_interpolation(nodes), values.dtype)
-    return jnp.einsum("ljpn,fn->ljpf", values.reshape(*values.shape[:2], -1, nodes), matrix, precision="highest")
+def _sum(power: Float[Array, "leg joint piece node"], seconds: Float[Array, "piece"]) -> Float[Array, "leg joint"]:
+    """Gauss's rule on pieces that last so long."""
+    weight = jnp.asarray(_gauss(power.shape[-1])[1], power.dtype)
+    return jnp.sum(power * (seconds[:, None] * weight[None])[None, None], axis=(-2, -1))
+
+
+def _finer(values: Float[Array, "leg joint piece node"]) -> Float[Array, "leg joint piece fine"]:
+    """Values at the finer places of each piece, by the polynomial through its nodes."""
+    matrix = jnp.asarray(_interpolation(values.shape[-1]), values.dtype)
+    return jnp.einsum("ljpn,fn->ljpf", values, matrix, precision="highest")
 
 
 def _gauss(nodes: int) -> tuple[np.ndarray, np.ndarray]:
