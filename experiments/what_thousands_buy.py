@@ -126,7 +126,7 @@ def by_proxy(study: Study, score: Score, lanes: Lanes) -> dict[str, Any]:
     value = np.nan_to_num(score.objective, nan=FAILED)
     unfit = ~keeps_limits(score.checks, np.asarray(lanes.setting.least_bend))
     return {
-        "objective": bootstrap(value, np.mean, study.search.resamples, study.seed),
+        "objective": bootstrap(value, study.search.resamples, study.seed),
         "dearest_tenth": float(counts(value, COUNTED["dearest tenth"]) @ value),
         "infeasible": float(unfit.mean()),
         "apart": float((score.checks.found[:, 2:].sum(axis=1) > 0.0).mean()),
@@ -160,7 +160,7 @@ def compared(study: Study, ours: Contest, base: Contest) -> dict[str, Any]:
     energy, others = (seen.energy[0, both, column] for seen in (ours, base))
     options = study.search.resamples, study.seed
     return {
-        "energy_per_metre": bootstrap(energy, np.mean, *options),
+        "energy_per_metre": bootstrap(energy, *options),
         "dearest_tenth": float(counts(energy, COUNTED["dearest tenth"]) @ energy),
         "saving": saving(energy, others, *options),
         "lanes": int(both.size),

@@ -1,6 +1,6 @@
 """Contestants on the same held-out terrains: paired savings with bootstrap intervals, and what each costs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -68,27 +68,24 @@ def keeps_limits(checks: PlanChecks, least_bend: Any) -> Any:
     return within & (checks.status == Status.OK)
 
 
-def bootstrap(values: np.ndarray, statistic, resamples: int, seed: int) -> dict[str, Any]:
-    """Mean and 95 % interval of a statistic of lanes (leading axis) over resampled lanes.
+def bootstrap(
+    values: np.ndarray, resamples: int, seed: int, of: Callable[[np.ndarray], np.ndarray] = np.asarray
+) -> dict[str, Any]:
+    """The mean of lanes (leading axis), or what is made `of` means (last axes), and its 95 % interval over resampled lanes.
 
     Null without a lane; of a single lane there is no interval.
     """
     values = np.asarray(values, float)
     if len(values) < 2:
-        return {"mean": float(statistic(values)) if len(values) else None, "ci95": None}
+        return {"mean": float(of(values.mean(axis=0))) if len(values) else None, "ci95": None}
     index = np.random.default_rng(seed).integers(0, len(values), (resamples, len(values)))
-    spread = np.array([statistic(values[i]) for i in index])
-    return {"mean": float(statistic(values)), "ci95": [float(x) for x in np.percentile(spread, [2.5, 97.5])]}
+    spread = of(values[index].mean(axis=1))
+    return {"mean": float(of(values.mean(axis=0))), "ci95": [float(x) for x in np.percentile(spread, [2.5, 97.5])]}
 
 
 def saving(ours: np.ndarray, base: np.ndarray, resamples: int, seed: int) -> dict[str, Any]:
     """Saving 1 - mean(ours) / mean(base) of paired energies [J/m] at equal speed, with its interval."""
-    return bootstrap(np.stack([ours, base], axis=-1), _saving, resamples, seed)
-
-
-def _saving(pairs: np.ndarray) -> float:
-    ours, base = pairs.mean(axis=0)
-    return float(1.0 - ours / base)
+    return bootstrap(np.stack([ours, base], axis=-1), resamples, seed, lambda means: 1.0 - means[..., 0] / means[..., 1])
 
 
 def savings(
@@ -125,9 +122,7 @@ def summary(
 ) -> dict[str, Any]:
     """One contestant on one kind of terrain, for `result.json`; `params` are its planner's numbers by name."""
     on = held.usable[i]
-    energy = {
-        convention: bootstrap(held.energy[i, on, c], np.mean, resamples, seed) for c, convention in enumerate(CONVENTIONS)
-    }
+    energy = {convention: bootstrap(held.energy[i, on, c], resamples, seed) for c, convention in enumerate(CONVENTIONS)}
     speed = _mean(held.distance[i, on] / held.time[i, on])
     mean = energy[power]["mean"]
     return {

@@ -42,11 +42,14 @@ def ranges(bounds: np.ndarray) -> Ranges:
 
 
 def rounds(terrains: int, first: int, starts: int) -> list[tuple[int, int]]:
-    """Terrains and starts of each round, two at least: more of the ones, fewer of the others; the last sees all terrains."""
+    """Terrains and starts of each round, two at least: more of the ones, fewer of the others; the last sees all terrains. Where
+    the first does already, all starts go on."""
     sizes = [min(first, terrains)]
-    while len(sizes) < 2 or sizes[-1] < terrains:
+    while sizes[-1] < terrains:
         sizes.append(min(GROWTH * sizes[-1], terrains))
-    return [(size, max(1, starts >> number)) for number, size in enumerate(sizes)]
+    return (
+        [(size, max(1, starts >> number)) for number, size in enumerate(sizes)] if len(sizes) > 1 else [(terrains, starts)] * 2
+    )
 
 
 def starts_of(key: jax.Array, known: np.ndarray, span: Ranges, starts: int) -> np.ndarray:

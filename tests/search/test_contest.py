@@ -67,7 +67,7 @@ def test_the_interval_covers_the_mean_as_often_as_it_says():
     rng = np.random.default_rng(1)
     inside = 0
     for _ in range(200):
-        low, high = bootstrap(rng.normal(0, 1, 40), np.mean, 300, 2)["ci95"]
+        low, high = bootstrap(rng.normal(0, 1, 40), 300, 2)["ci95"]
         inside += low < 0 < high
     assert 0.88 <= inside / 200 <= 0.99
 
@@ -154,11 +154,11 @@ def test_lanes_are_arranged_by_contestant_and_judged():
 def test_the_interval_is_that_of_the_mean():
     """Of 400 normal numbers with deviation 2 it reaches 1.96 * 2 / sqrt(400) to either side."""
     values = np.random.default_rng(3).normal(10.0, 2.0, 400)
-    row = bootstrap(values, np.mean, 4000, 0)
+    row = bootstrap(values, 4000, 0)
     half = 1.96 * values.std() / 20.0
     assert row["mean"] == pytest.approx(values.mean())
     np.testing.assert_allclose(row["ci95"], [values.mean() - half, values.mean() + half], atol=0.1 * half)
-    assert bootstrap(values, np.mean, 4000, 0) == row  # the seed says all
+    assert bootstrap(values, 4000, 0) == row  # the seed says all
 
 
 def test_kinds_and_contestants_change_places():

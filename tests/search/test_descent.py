@@ -45,9 +45,9 @@ def test_ranges_scale_by_the_widest_and_hold_what_is_held():
 
 def test_more_terrains_and_fewer_starts_round_by_round():
     assert rounds(88, 4, 4) == [(4, 4), (16, 2), (64, 1), (88, 1)]
-    assert rounds(1, 4, 5) == [(1, 5), (1, 2)]
+    assert rounds(1, 4, 5) == [(1, 5), (1, 5)]
     assert rounds(16, 4, 1) == [(4, 1), (16, 1)]
-    assert rounds(6, 8, 3) == [(6, 3), (6, 1)]
+    assert rounds(6, 8, 3) == [(6, 3), (6, 3)]
 
 
 def test_searches_start_at_what_is_known():
