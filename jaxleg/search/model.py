@@ -40,10 +40,11 @@ def linearised(parts: Callable[[Array], Any], vector: Float[Array, "parameter"],
 
 
 def _lowest(rows, slopes, reach):
-    """The `ROWS` rows that may come lowest within the reach."""
+    """The row that is lowest, and those of the others that may come lowest within the reach: `ROWS` in all."""
     kept = min(ROWS, rows.shape[0])
     may_be = rows - jnp.sum(jnp.abs(slopes) * reach[None], axis=1)
-    known = jnp.where(jnp.isnan(may_be), -jnp.inf, may_be)  # what is no number is kept: such a lane cannot be judged
+    first = jnp.isnan(may_be) | (rows == jnp.min(rows))  # what is no number is kept: such a lane cannot be judged
+    known = jnp.where(first, -jnp.inf, may_be)
     index = jax.lax.top_k(-known, kept)[1]
     free = jnp.isposinf(rows[index])
     rows, slopes = jnp.where(free, FREE, rows[index]), jnp.where(free[:, None], 0.0, slopes[index])
