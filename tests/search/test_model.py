@@ -47,6 +47,17 @@ def test_what_may_come_lowest_depends_on_the_reach():
     assert far.max() == 1.0
 
 
+def test_the_lowest_row_is_kept_however_many_others_may_come_lower():
+    """Sixty that fall fast, and one between them that is low and stays: without it a lane would cost less than it does."""
+
+    def crowded(x):
+        rows = jnp.ones(61) + jnp.where(jnp.arange(61) == 33, -3.0, 5.0 * x[0])
+        return Parts(x[0], x[0], (rows,))
+
+    seen = jax.jit(lambda x, r: linearised(crowded, x, r))(jnp.zeros(1), jnp.array([10.0]))
+    assert np.min(seen.rows) == -2.0
+
+
 def test_rows_that_are_none_bind_nothing():
     """The row that is not used, and what fills up the constraint with a single row."""
     seen = model([0.2, -1.0], [100.0, 0.1])

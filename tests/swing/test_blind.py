@@ -124,6 +124,7 @@ def test_a_lost_search_ends_the_swing_at_once(monkeypatch):
     assert swing.segments == 1
 
 
+@pytest.mark.slow
 def test_a_queue_of_swings_gives_what_each_one_alone_gives():
     heights = terrains(150, 4, 2, 1.0, seed=4)
     for a, b in zip(alone(STEP, heights), swings(extended(), heights), strict=True):

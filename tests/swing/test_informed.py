@@ -158,6 +158,7 @@ def test_the_field_as_printed_sticks_at_its_own_preset_obstacle():
         assert plan(printed(), better, STEP, map_of(LEVEL), ABOVE, True).found
 
 
+@pytest.mark.slow
 def test_where_there_is_no_route_the_blind_machine_moves(exact):
     heights = np.stack([LEVEL, LEVEL])
     seen = swings(as_printed(), heights, heights)

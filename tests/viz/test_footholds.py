@@ -192,6 +192,7 @@ def test_the_experiment_refuses_with_status_two(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_the_experiment_draws_and_writes(tmp_path, capsys):
     experiment.main(tmp_path)
     result = json.loads((tmp_path / "result.json").read_text())

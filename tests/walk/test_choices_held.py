@@ -81,6 +81,7 @@ def test_footholds_move_with_step_and_stance_as_the_parallelogram_does(held, peg
         np.testing.assert_allclose(found[name], by_hand[name], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_energy_of_a_curved_walk_has_a_true_gradient(held, pegasus):
     """Reverse mode against central differences and forward mode; every number moved has an effect."""
     planner, site, choices = held
