@@ -3,9 +3,10 @@
 A cold run has a compilation cache of its own that is empty. CPU seconds beside wall time say how busy the machine was with it.
 `jaxleg plan` goes a few metres over fractal ground on maps of two sizes: its peak memory grows with them.
 
-    python -m experiments.bench_commands [--quick]
+    python -m experiments.bench_commands [--quick] [--parts search]     the parts named, added to the result that is there
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -27,15 +28,18 @@ SHORT = ["tests/leg/test_energy.py"]  # with `quick`
 SIZES, CELL, START, GOAL = (500, 1000), 0.04, ("1", "1"), ("4", "1.5")  # cells along a side of the maps to plan on; [m]
 
 
-def main(out: Path | None = None, quick: bool = False) -> bool:
-    """Time `pytest`, `jaxleg search` and `jaxleg plan`; returns whether all end well. `quick`: one test file alone."""
+def main(out: Path | None = None, quick: bool = False, parts: tuple[str, ...] = ()) -> bool:
+    """Time `pytest`, `jaxleg search` and `jaxleg plan`, or `parts` of these; returns whether all end well. `quick`: one test
+    file."""
+    file = (out or Path("runs/bench_commands")) / "result.json"
+    known = json.loads(file.read_text()) if parts and file.exists() else {}
     with tempfile.TemporaryDirectory() as folder:
         commands = {"pytest": ["-m", "pytest", *(SHORT if quick else [])]}
         if not quick:
             commands["search"] = ["-m", "jaxleg.cli", "search", str(CONFIG), "--out", "RUN"]
             commands |= {f"plan_{cells}": plan_on(cells, Path(folder)) for cells in SIZES}
-        result = {name: both(command, Path(folder) / name) for name, command in commands.items()}
-    write("bench_commands", out, result)
+        result = {name: both(commands[name], Path(folder) / name) for name in parts or commands}
+    write("bench_commands", out, known | result)
     return all(row["status"] == 0 for runs in result.values() for row in runs.values())
 
 

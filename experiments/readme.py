@@ -8,6 +8,7 @@ A result is the `result.json` of a whole run of an experiment (or of `jaxleg sea
 """
 
 import json
+import statistics
 import sys
 from pathlib import Path
 from typing import Any
@@ -66,6 +67,7 @@ def render() -> str:
     loader = jinja2.FileSystemLoader(ROOT)
     world = jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, keep_trailing_newline=True, trim_blocks=True)
     world.filters |= {"f": fixed, "pc": percent, "e": lambda x: f"{x:.1e}".replace("e-0", "e-")}
+    world.filters["median"] = statistics.median
     world.globals |= {"savings": savings, "row": row}
     results = {file.stem: load(file) for file in sorted(RESULTS.glob("*.json"))}
     return world.get_template(str(TEMPLATE.relative_to(ROOT))).render(**results)

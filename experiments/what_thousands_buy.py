@@ -36,7 +36,7 @@ from jaxleg.search.training import Lanes, pooled, spread
 from jaxleg.viz.style import BLUE, GREY, ORANGE, WIDTH, label, save
 
 SIZES = (4, 16, 64, 256, 1024, 4096)
-DRAWS = 5  # searches of a size, as far as its terrains allow
+DRAWS = 3  # searches of a size, as far as its terrains allow
 WALKED, REFEREED = 1024, 96  # held-out terrains of each answer in simulation; of the largest search's in C MuJoCo
 COUNTED = {"mean": (0.0, 1.0), "dearest tenth": (0.9, 1.0), "all but a hundredth": (0.0, 0.99)}
 Judge = Callable[[np.ndarray, Lanes], Score]

@@ -10,14 +10,25 @@ from scipy.integrate import quad
 
 from jaxleg.gait.order import SHIFT
 from jaxleg.leg.energy import Power
+from jaxleg.walk.data import Walk
 from jaxleg.walk.quadrature import energy_of, nodes_of, pieces_of
+from jaxleg.walk.reference import Instant
 
 LEGS = (SHIFT, 3, 1, SHIFT)
 DURATION = np.array([1.5, 0.7, 0.9, 1.1])
 LIFT, LOAD = np.array([0.0, 0.05, 0.2, 0.0]), 0.1
 USED = np.array([True, True, True, False])
-ROBOT = SimpleNamespace(torque_constant=0.2, gear_ratio=40.0, resistance=2.0)
-WALK = SimpleNamespace(
+
+
+def walk_of(**numbers):
+    """A walk of which nothing is known but these."""
+    walk = object.__new__(Walk)
+    for name, value in numbers.items():
+        object.__setattr__(walk, name, value)
+    return walk
+
+
+WALK = walk_of(
     legs=LEGS,
     load_share=jnp.asarray(LOAD),
     used=jnp.asarray(USED),
@@ -39,16 +50,19 @@ def integral(power):
 
 
 @pytest.fixture(scope="module")
-def found():
+def found(pegasus):
     pieces = pieces_of(WALK)
     share = jnp.concatenate([nodes_of(some) for some in pieces])
     values = (jnp.tile(f(share), (4, 3, 1)) for f in (torque, speed))
-    return energy_of(ROBOT, WALK, pieces, SimpleNamespace(**dict(zip(("torque", "velocity"), values))))
+    at = Instant(**dict.fromkeys(Instant._fields))._replace(**dict(zip(("torque", "velocity"), values)))
+    return energy_of(pegasus, WALK, pieces, at)
 
 
 def test_energy_is_scipys_integral_of_power_kinks_and_all(found):
     by_hand = Power(
-        integral(lambda t, v: t * v), integral(lambda t, v: max(t * v, 0.0)), integral(lambda t, v: (t / 8.0) ** 2 * 2.0)
+        integral(lambda t, v: t * v),
+        integral(lambda t, v: max(t * v, 0.0)),
+        integral(lambda t, v: (t / (0.217 * 44.5)) ** 2 * 2.28),
     )
     for seen, wanted in zip(found, by_hand):
         assert_allclose(seen, np.full((4, 3), wanted), rtol=1e-3)
