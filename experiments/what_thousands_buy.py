@@ -207,6 +207,8 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
         lost = [100 * sum(row["simulation"]["failures"][who].values()) / row["simulation"]["lanes"] for row in rows]
         points(failures, sizes, lost, colour, who)
     words = "training terrains"
+    usual = np.median([row["held"]["objective"]["mean"] for row in rows])
+    objective.set_ylim(0.7 * usual, 1.3 * usual)  # one unlucky search may be several times as dear
     label(objective, words, "objective / traditional's energy [-]", "proxy")
     label(energy, words, "energy [J/m]", "simulated, held out")
     label(failures, words, "walks that fail [%]", "simulated, held out")
