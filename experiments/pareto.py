@@ -23,10 +23,10 @@ from jaxleg.search.lanes import Lab, settings_of
 from jaxleg.search.leaves import with_leaves
 from jaxleg.search.run import make_lab
 from jaxleg.search.training import Lanes, spread
-from jaxleg.viz.style import BLUE, GREEN, ORANGE, PURPLE, WIDTH, label, legend_below, save
+from jaxleg.viz.style import BLUE, GREEN, ORANGE, WIDTH, label, legend_below, save
 
 KINDS = ("flat", "rough")
-SPEEDS = {0.03: BLUE, 0.05: GREEN, 0.07: ORANGE, 0.09: PURPLE}  # [m/s]
+SPEEDS = {0.03: BLUE, 0.05: GREEN, 0.07: ORANGE}  # [m/s]
 MARGINS = (0.02, 0.04, 0.06, 0.08, 0.10, 0.12)  # [m]
 TERRAINS = 32  # of each kind, training and held out
 
