@@ -13,7 +13,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import numpy as np
@@ -25,10 +25,11 @@ from jaxleg.terrain.files import MapFile, save_map
 
 ROOT = Path(__file__).parent.parent
 SHORT = ["tests/leg/test_energy.py"]  # with `quick`
+Part = Literal["pytest", "search", "plan_500", "plan_1000"]
 SIZES, CELL, START, GOAL = (500, 1000), 0.04, ("1", "1"), ("4", "1.5")  # cells along a side of the maps to plan on; [m]
 
 
-def main(out: Path | None = None, quick: bool = False, parts: tuple[str, ...] = ()) -> bool:
+def main(out: Path | None = None, quick: bool = False, parts: tuple[Part, ...] = ()) -> bool:
     """Time `pytest`, `jaxleg search` and `jaxleg plan`, or `parts` of these; returns whether all end well. `quick`: one test
     file."""
     file = (out or Path("runs/bench_commands")) / "result.json"

@@ -46,7 +46,7 @@ def main(out: Path | None = None, quick: bool = False) -> None:
 
 
 def at_speed(study: Study, lab: Lab, speed: float) -> tuple[Study, Lab]:
-    """Study and lab at a speed [m/s], with simulation steps as long as the study's own; lanes as few as one chunk."""
+    """Study and lab at a speed [m/s], with simulation steps as long as the study's own."""
     longer = study.speed / speed
     simulation = dataclasses.replace(study.simulation, steps=max(1, round(study.simulation.steps * longer)))
     study = dataclasses.replace(study, speed=speed, simulation=simulation)
@@ -91,7 +91,7 @@ def tell(front: dict[str, Any]) -> None:
 
 
 def draw(all_fronts: list[dict[str, Any]], path: Path) -> None:
-    """Energy and power against the planned margin; a panel a kind, a colour a speed, squares for `traditional`."""
+    """Energy against the planned margin; a panel a kind, a colour a speed, squares for `traditional`."""
     kinds = list(dict.fromkeys(front["kind"] for front in all_fronts))
     figure = Figure(figsize=(WIDTH, 3.4), layout="constrained", facecolor="white")
     axes, lines = np.atleast_1d(figure.subplots(1, len(kinds), sharey=True)), []

@@ -1,14 +1,17 @@
 """What the experiments that search share: terrains judged as the command line's search judges them, and its descents alone."""
 
+from collections.abc import Callable
+
 import jax
 import numpy as np
 
 from experiments.common import training
+from jaxleg.batch import over_lanes
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search import descent
 from jaxleg.search.config import Study
 from jaxleg.search.contestants import baseline, bounds, contestant
-from jaxleg.search.lanes import Lab, settings_of
+from jaxleg.search.lanes import Lab, Score, settings_of
 from jaxleg.search.training import Lanes
 
 
@@ -21,6 +24,17 @@ def judged_lanes(study: Study, lab: Lab, kind: str, held_out: bool = False) -> L
     energy = np.full(lanes.number, score.energy[:, CONVENTIONS.index(study.power)].mean(), np.float32)
     margin = score.checks.margin + np.float32(study.search.margin_reserve)
     return jax.tree.map(np.asarray, Lanes(lanes.site, lanes.setting._replace(margin=margin, energy=energy)))
+
+
+def judged_by(lab: Lab) -> Callable[[np.ndarray, Lanes], Score]:
+    """The proxy's scores of vectors, one for all lanes or one a lane, without gradient; footholds by the exact choice."""
+    run = over_lanes(lambda v, site, setting: lab.proxy(v, site, lab.choose(v, site, setting), setting), lab.chunk)
+    return lambda vectors, lanes: run(for_each(vectors, lanes), lanes.site, lanes.setting)
+
+
+def for_each(vectors: np.ndarray, lanes: Lanes) -> np.ndarray:
+    """One vector for all lanes, or one a lane, as (lane, number)."""
+    return np.array(np.broadcast_to(np.float32(vectors), (lanes.number, np.shape(vectors)[-1])))
 
 
 def best_vector(

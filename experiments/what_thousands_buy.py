@@ -22,8 +22,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.common import CONFIG, setup, training, write
-from experiments.searching import best_vector, judged_lanes
-from jaxleg.batch import over_lanes
+from experiments.searching import best_vector, for_each, judged_by, judged_lanes
+from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search.config import Study
 from jaxleg.search.contest import Contest, bootstrap, contest, keeps_limits, saving
@@ -115,12 +115,6 @@ def answer(study: Study, lab: Lab, grounds: Grounds, lanes: Lanes, judge: Judge)
     return vector, row | told
 
 
-def judged_by(lab: Lab) -> Judge:
-    """A function that gives the proxy's scores of a vector on lanes, its footholds by the exact choice."""
-    run = over_lanes(lambda v, site, setting: lab.proxy(v, site, lab.choose(v, site, setting), setting), lab.chunk)
-    return lambda vector, lanes: run(each(vector, lanes), lanes.site, lanes.setting)
-
-
 def by_proxy(study: Study, score: Score, lanes: Lanes) -> dict[str, Any]:
     """Mean objective with its interval, that of the dearest tenth, and the share of lanes that cannot be planned."""
     value = np.nan_to_num(score.objective, nan=FAILED)
@@ -129,7 +123,7 @@ def by_proxy(study: Study, score: Score, lanes: Lanes) -> dict[str, Any]:
         "objective": bootstrap(value, study.search.resamples, study.seed),
         "dearest_tenth": float(counts(value, COUNTED["dearest tenth"]) @ value),
         "infeasible": float(unfit.mean()),
-        "apart": float((score.checks.found[:, 2:].sum(axis=1) > 0.0).mean()),
+        "apart": float((score.checks.found[:, FootholdStatus.NEAREST :].sum(axis=1) > 0.0).mean()),
     }
 
 
@@ -140,13 +134,8 @@ def own(study: Study, lanes: Lanes) -> np.ndarray:
 
 def walked(lab: Lab, vectors: np.ndarray, lanes: Lanes) -> Contest:
     """Walks on lanes in simulation, of one vector or of one a lane."""
-    score, meters = lab.simulate_lanes(each(vectors, lanes), lanes.site, lanes.setting)
+    score, meters = lab.simulate_lanes(for_each(vectors, lanes), lanes.site, lanes.setting)
     return contest(score, meters, np.asarray(lanes.setting.least_bend), 1)
-
-
-def each(vectors: np.ndarray, lanes: Lanes) -> np.ndarray:
-    """One vector for all lanes, or one a lane, for each."""
-    return np.array(np.broadcast_to(np.float32(vectors), (lanes.number, np.shape(vectors)[-1])))
 
 
 def in_simulation(study: Study, lab: Lab, grounds: Grounds, vector: np.ndarray, base: Contest) -> dict[str, Any]:
@@ -178,7 +167,7 @@ def verified(study: Study, lab: Lab, grounds: Grounds, vector: np.ndarray) -> di
     began, other = time.perf_counter(), grounds.traditional
     ours, base = walked(lab, vector, grounds.held), walked(lab, own(study, other), other)
     some, others = (spread(lanes, REFEREED) for lanes in (grounds.held, other))
-    replays = [replay_contest(lab, each(v, lanes), lanes, 1) for v, lanes in ((vector, some), (own(study, others), others))]
+    replays = [replay_contest(lab, for_each(v, lanes), lanes, 1) for v, lanes in ((vector, some), (own(study, others), others))]
     rows = {"simulation": compared(study, ours, base), "mujoco": compared(study, *replays)}
     print("verified", rows, flush=True)
     return rows | {"seconds": time.perf_counter() - began}

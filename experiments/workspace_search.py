@@ -9,6 +9,7 @@ the best gait is given ever wider bounds: how many walks lose their footing, and
 """
 
 import dataclasses
+import functools
 import itertools
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,8 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.common import setup, training, write
-from experiments.searching import best_vector, judged_lanes
-from jaxleg.batch import over_lanes
+from experiments.searching import best_vector, judged_by, judged_lanes
 from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search.config import MOVE, WORKSPACE, Study
@@ -82,7 +82,7 @@ def on_ground(study: Study, lab: Lab, name: str, quick: bool) -> dict[str, Any]:
         "rectangle": answer(study, lab, ground, PAPER, quick),
         "free": answer(study, lab, ground, None, quick),
     }
-    judge = judged_by(lab, ground.train)
+    judge = functools.partial(judged_by(lab), lanes=ground.train)
     found["ends"], moved = ends_alone(judge, found["rectangle"], 3 if quick else GRID)
     seen = {name: walked(study, lab, ground, name, found.get(name)) for name in ("traditional", "paper", *found)}
     rows = {who: told(study, lab, name, who, held, found.get(who)) for who, held in seen.items()}
@@ -102,12 +102,6 @@ def answer(study: Study, lab: Lab, ground: Ground, ends: tuple[float, float] | N
     for name, end in zip(ENDS, ends or ()):
         box[NUMBERS.index(name)] = end
     return best_vector(study, lab, ground.name, ground.train, box, steps=2 if quick else None)
-
-
-def judged_by(lab: Lab, lanes: Lanes):
-    """A function that gives the proxy's scores of a vector on all lanes, its footholds by the exact choice."""
-    run = over_lanes(lambda v, site, setting: lab.proxy(v, site, lab.choose(v, site, setting), setting), lab.chunk)
-    return lambda vector: run(np.tile(np.float32(vector), (lanes.number, 1)), lanes.site, lanes.setting)
 
 
 def ends_alone(judge, vector: np.ndarray, count: int) -> tuple[np.ndarray, dict[str, Any]]:

@@ -4,7 +4,7 @@ from pathlib import Path
 import jax
 import pytest
 
-from jaxleg.cli.start import SOONER
+from jaxleg.cli.start import compile_sooner
 from jaxleg.robot import load_robot
 
 jax.config.update("jax_enable_x64", True)
@@ -16,8 +16,7 @@ _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jax
 jax.config.update("jax_compilation_cache_dir", os.environ.get("JAXLEG_CACHE") or str(_CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 jax.config.update("jax_disable_most_optimizations", True)  # most programs of the tests run for less time than they compile
-if jax.__version_info__ < (0, 11) and SOONER not in os.environ.get("XLA_FLAGS", ""):  # a worker has it from its parent
-    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {SOONER}".strip()
+compile_sooner()
 
 
 @pytest.fixture(scope="session")

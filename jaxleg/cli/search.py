@@ -80,9 +80,7 @@ def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) 
     usable = any(result[name][kind]["speed"] is not None for name in CONTESTANTS for kind in study.kinds)
     if not usable:
         console.print("no contestant walks on any held-out terrain: each lane is infeasible (unfit) or fell")
-    fitting = not any(
-        name in STAGES for name, _ in empty
-    )  # a published workspace that does not fit is no failure of the search
+    fitting = not any(name in STAGES for name, _ in empty)  # a published one that fits nothing is no failure of the search
     return 0 if usable and fitting else EXIT_INFEASIBLE
 
 

@@ -40,8 +40,7 @@ def configure_jax() -> None:
     import jax
 
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
-    if jax.__version_info__ < (0, 11) and SOONER not in os.environ.get("XLA_FLAGS", ""):
-        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {SOONER}".strip()
+    compile_sooner()
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's back end may not even be installed here
     if cache := cache_folder():
         jax.config.update("jax_compilation_cache_dir", str(cache))
@@ -53,6 +52,15 @@ def configure_jax() -> None:
         jax.local_devices()
     except RuntimeError as error:
         raise InputError(f"JAX_PLATFORMS is {os.environ.get('JAX_PLATFORMS', '')!r}: {first_line(error)}") from error
+
+
+def compile_sooner() -> None:
+    """Have XLA take the way that compiles soonest, where it knows two; before JAX looks for devices."""
+    import jax
+
+    known = os.environ.get("XLA_FLAGS", "")
+    if jax.__version_info__ < (0, 11) and SOONER not in known:
+        os.environ["XLA_FLAGS"] = f"{known} {SOONER}".strip()
 
 
 def cache_folder() -> Path | None:

@@ -1,4 +1,4 @@
-"""The integral of power over a walk, piece by piece of each phase.
+"""The integral of power (paper A, equation (1)) over a walk, piece by piece of each phase.
 
 Within a piece motion is smooth, so the phases' shares have true gradients (a uniform grid aliases them). Torques and speeds are
 worked out at a few Gauss nodes of a piece; power, which has kinks where a motor begins to brake, is taken at many places of the
@@ -33,7 +33,7 @@ class Pieces(NamedTuple):
 
 
 def pieces_of(walk: Walk) -> list[Pieces]:
-    """All pieces of all phases, in groups."""
+    """All pieces of all phases, in groups, whose nodes follow one another in what `energy_of` takes."""
     orders = [SHIFT_NODES if leg == SHIFT else SWING_NODES for leg in walk.legs]
     edges, groups = _edges(walk), []
     for nodes in sorted({*SHIFT_NODES, *SWING_NODES}):
@@ -60,13 +60,12 @@ def nodes_of(pieces: Pieces) -> Float[Array, "node"]:
 
 
 def energy_of(robot: Robot, walk: Walk, pieces: list[Pieces], at: Instant) -> Power:
-    """Energy by joint [J] from instants at all nodes of the pieces."""
+    """Energy by joint (leg, joint) [J], from instants at all nodes of the pieces in their last axis. Paper A, equation (1)."""
     total, first = Power(*[jnp.zeros(at.torque.shape[:2], at.torque.dtype)] * 3), 0
     for some in pieces:
         last = first + len(some.phase) * some.nodes
-        torque, speed = (
-            x[..., first:last].reshape(*x.shape[:2], -1, some.nodes) for x in (at.torque, at.velocity)
-        )  # (leg, joint, piece, node)
+        own = (x[..., first:last] for x in (at.torque, at.velocity))
+        torque, speed = (x.reshape(*x.shape[:2], -1, some.nodes) for x in own)  # (leg, joint, piece, node)
         power = motor_power(robot, torque, speed)
         fine = motor_power(robot, _finer(torque), _finer(speed)).mechanical_positive
         seconds = jnp.where(walk.used[some.phase], some.width * walk.phases.duration[some.phase], 0.0)

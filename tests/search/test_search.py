@@ -146,9 +146,8 @@ def answer(whole, robot, gradients):
 def test_a_run_killed_after_every_single_save_of_a_kind_reaches_the_same_answer(answer, whole, tmp_path, robot):
     """Bit by bit; no stage is worked out twice. Rough ground's stages and the proxy's are taken out of the finished run."""
     result, chosen, stages = answer
-    assert (
-        len(set(stages)) == 3 * 6 + 2
-    )  # baseline, two rounds of descent (rough ground: three), polished, held-out, referee; proxy
+    # by kind: baseline, two rounds of descent (rough ground: three), polished, held-out, referee; and proxy
+    assert len(set(stages)) == 3 * 6 + 2
     own = [stage for stage in stages if stage.startswith("rough/") or stage == "proxy"]
     shutil.copytree(whole, tmp_path / "run")
     for folder in (tmp_path / "run" / "checkpoints").iterdir():
@@ -170,6 +169,7 @@ def test_a_run_killed_at_its_first_save_is_there_to_resume(tmp_path, robot):
         search(tmp_path / "run", robot, resume=False, saves=1)
     with pytest.raises(Killed):
         search(tmp_path / "run", robot, resume=True, saves=1)
+    assert len(list((tmp_path / "run" / "checkpoints").iterdir())) == 2  # another stage, not the first again
 
 
 SAVES = {"flat": 0.4, "rough": 0.4, "stairs": 0.15}  # at least, against traditional
