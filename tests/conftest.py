@@ -1,3 +1,4 @@
+import gc
 import os
 from pathlib import Path
 
@@ -17,6 +18,8 @@ jax.config.update("jax_compilation_cache_dir", os.environ.get("JAXLEG_CACHE") or
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 jax.config.update("jax_disable_most_optimizations", True)  # most programs of the tests run for less time than they compile
 compile_sooner()
+gc.freeze()  # tracing makes many small objects that stay; looking through them again and again takes a seventh of the time
+gc.set_threshold(200_000, 20, 20)
 
 
 @pytest.fixture(scope="session")
