@@ -16,6 +16,7 @@ from jaxleg.search.config import Study
 from jaxleg.search.contest import keeps_limits
 from jaxleg.search.contestants import baseline, short_name
 from jaxleg.search.lanes import Lab
+from jaxleg.search.referees import replay_contest
 from jaxleg.search.training import Lanes
 from jaxleg.sim.meters import Record
 from jaxleg.viz.power import draw_power
@@ -54,7 +55,11 @@ def table(kind: str, quick: bool, names: tuple[str, ...] = NAMES) -> Table:
     stand, cycles = (STAND, 2) if kind == "stairs" else (0.0, 3)
     trace, plans = walks(lab, each, many, cycles, stand), checked(lab, each, many)
     part = {name: slice(i * count, (i + 1) * count) for i, name in enumerate(names)}
-    rows = {name: row(lab, trace, where, stand) | planned(plans, many, where) for name, where in part.items()}
+    others = by_mujoco(lab, each, many, names)
+    rows = {
+        name: row(lab, trace, where, stand) | planned(plans, many, where) | {"mujoco": others[name]}
+        for name, where in part.items()
+    }
     show(kind, rows)
     return Table(kind, study, lab, vectors, rows, trace, count, stand)
 
@@ -69,6 +74,18 @@ def row(lab: Lab, trace: Trace, lanes: slice, stand: float) -> dict[str, Any]:
     cot = float(cost_of_transport(run["net"] / speed, lab.robot.mass))
     safety = {"falls": int(np.sum(meters.fell[lanes])), "min_stability_margin": float(np.min(meters.margin[lanes]))}
     return {"power_w": run, "walking_w": walk, "stand_power_w": still, "speed": speed, "cot": cot} | safety
+
+
+def by_mujoco(lab: Lab, vectors: np.ndarray, lanes: Lanes, names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Mean power [W] by convention walking two cycles in C MuJoCo, falls and least margin, of each contestant."""
+    seen = replay_contest(lab, vectors, lanes, len(names))
+    watts = seen.energy * (seen.distance / seen.time)[..., None]
+    rows = {}
+    for i, name in enumerate(names):
+        power = dict(zip(CONVENTIONS, watts[i].mean(axis=0).tolist()))
+        safety = {"falls": int(seen.fell[i].sum()), "min_stability_margin": float(seen.margin[i].min())}
+        rows[name] = {"walking_w": power} | safety
+    return rows
 
 
 def checked(lab: Lab, vectors: np.ndarray, lanes: Lanes) -> PlanChecks:
@@ -110,6 +127,8 @@ def show(kind: str, rows: dict[str, Any]) -> None:
         cells = [f"{x:10.1f}" for x in watts] + [f"{r['cot']:10.2f}{r['min_stability_margin']:10.3f}"]
         cells += [f"{r['knee_bend_deg']:10.1f}{r['lowering_m']:10.3f}{r['falls']:10d}{r['infeasible']:10d}"]
         print(f"{name:12s}" + "".join(cells).replace("nan", "  -"))
+        other = r["mujoco"]
+        print(f"{'':12s}in C MuJoCo {other['walking_w']['net']:.1f} W walking, {other['falls']} falls")
 
 
 def result(seen: Table) -> dict[str, Any]:
@@ -125,6 +144,7 @@ def result(seen: Table) -> dict[str, Any]:
             "power_ours_w": power["ours"],
             "stand_power_w": stand,
             "saving": {name: 1.0 - power[name] / power[before] for name in ("paper", "ours")},
+            "mujoco_w": {name: rows[name]["mujoco"]["walking_w"]["net"] for name in (before, "paper", "ours")},
             "cot": {name: rows[name]["cot"] for name in power},
         }
     names = [short_name(leaf) for leaf in seen.lab.move]
