@@ -66,7 +66,7 @@ def render() -> str:
     """The README; a number without a result is an error."""
     loader = jinja2.FileSystemLoader(ROOT)
     world = jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, keep_trailing_newline=True, trim_blocks=True)
-    world.filters |= {"f": fixed, "pc": percent, "e": lambda x: f"{x:.1e}".replace("e-0", "e-")}
+    world.filters |= {"f": fixed, "pc": percent, "e": lambda x: f"{x:.1e}".replace("e-0", "e-").replace("e+0", "e")}
     world.filters["median"] = statistics.median
     world.globals |= {"savings": savings, "row": row}
     results = {file.stem: load(file) for file in sorted(RESULTS.glob("*.json"))}
