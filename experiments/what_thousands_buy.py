@@ -26,7 +26,7 @@ from experiments.searching import best_vector, for_each, judged_by, judged_lanes
 from jaxleg.foothold.contract import FootholdStatus
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search.config import Study
-from jaxleg.search.contest import Contest, bootstrap, contest, keeps_limits, saving
+from jaxleg.search.contest import Contest, bootstrap, contest, failed, keeps_limits, saving
 from jaxleg.search.contestants import contestant
 from jaxleg.search.gauss_newton import FAILED, counts
 from jaxleg.search.lanes import Lab, Score, settings_of
@@ -43,7 +43,7 @@ Judge = Callable[[np.ndarray, Lanes], Score]
 
 
 class Grounds(NamedTuple):
-    """All terrains, kinds in turn, judged against `traditional`; and held-out ones with `traditional`'s own planners."""
+    """All terrains, kind by kind, judged against `traditional`; and held-out ones with `traditional`'s own planners."""
 
     train: Lanes
     held: Lanes
@@ -103,7 +103,7 @@ def drawn(lanes: Lanes, size: int, number: int, kinds: int) -> Lanes:
     apart = lanes.number // size
     first = (2 * number + 1) * apart // (2 * min(DRAWS, apart))
     place = np.arange(size // kinds) * apart + first
-    return lanes.take((place[:, None] * kinds + np.arange(kinds)).reshape(-1))
+    return lanes.take((lanes.number // kinds * np.arange(kinds)[:, None] + place).reshape(-1))
 
 
 def answer(study: Study, lab: Lab, grounds: Grounds, lanes: Lanes, judge: Judge) -> tuple[np.ndarray, dict[str, Any]]:
@@ -153,13 +153,8 @@ def compared(study: Study, ours: Contest, base: Contest) -> dict[str, Any]:
         "dearest_tenth": float(counts(energy, COUNTED["dearest tenth"]) @ energy),
         "saving": saving(energy, others, *options),
         "lanes": int(both.size),
-        "failures": {who: failed(seen) for who, seen in (("ours", ours), ("traditional", base))},
+        "failures": {who: failed(seen, 0) for who, seen in (("ours", ours), ("traditional", base))},
     }
-
-
-def failed(seen: Contest) -> dict[str, int]:
-    """Lanes that fell, and that could not be planned within limits."""
-    return {"falls": int((seen.fell & ~seen.infeasible).sum()), "infeasible": int(seen.infeasible.sum())}
 
 
 def verified(study: Study, lab: Lab, grounds: Grounds, vector: np.ndarray) -> dict[str, Any]:
@@ -193,7 +188,8 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
         points(objective, sizes, [row[name]["objective"]["mean"] for row in rows], colour, words)
     points(energy, sizes, [row["simulation"]["energy_per_metre"]["mean"] for row in rows], BLUE, "")
     for who, colour in (("traditional", ORANGE), ("ours", BLUE)):
-        lost = [100 * sum(row["simulation"]["failures"][who].values()) / row["simulation"]["lanes"] for row in rows]
+        each = [row["simulation"]["failures"][who] for row in rows]
+        lost = [100 * (seen["falls"] + seen["infeasible"]) / seen["lanes"] for seen in each]
         points(failures, sizes, lost, colour, who)
     words = "training terrains"
     usual = np.median([row["held"]["objective"]["mean"] for row in rows])

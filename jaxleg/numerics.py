@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float, Shaped
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 Tree = TypeVar("Tree")
 
@@ -54,6 +54,13 @@ def apart(function: Callable[..., Tree]) -> Callable[..., Tree]:
 def select(yes: Bool[Array, ""], new: Tree, old: Tree) -> Tree:
     """One of two trees of arrays, leaf by leaf; both are computed."""
     return jax.tree.map(lambda a, b: jnp.where(yes, a, b), new, old)
+
+
+def highest(values: Float[Array, "n"], count: int) -> tuple[Float[Array, "k"], Int[Array, "k"]]:
+    """The `count` highest values, best first, and their indices; where there are fewer, -inf at index 0 fills up."""
+    kept = min(count, values.shape[0])
+    best, index = jax.lax.top_k(values, kept)
+    return jnp.pad(best, (0, count - kept), constant_values=-jnp.inf), jnp.pad(index, (0, count - kept))
 
 
 def sqrt_safe(x: Float[Array, "*n"]) -> Float[Array, "*n"]:

@@ -113,6 +113,10 @@ def config(tmp_path):
             KIND + "[search]\nmove = ['gait.workspace.ahead']\n[kinds.flat.gait.workspace]\nbehind = 0.05\n",
             ["gait.workspace.behind may be 0.05 on flat", "gait.workspace.ahead, 0;"],
         ),
+        (
+            KIND + "gait.workspace = { low = 0.53, high = 0.56 }\n",
+            ["kinds.flat.gait.workspace.low is 0.53", "must not exceed contestants.paper.workspace.high, 0.52"],
+        ),
         (KIND + "[rectangle]\nsupport = 'always'\n", ["rectangle.support", "always", "stance", "sweep"]),
         (KIND + "[bounds]\n'gait.skew' = [0.0, 0.55]\n", ["bounds.gait.skew", "0.55", "stance_length", "0.5"]),
         (KIND + "[randomise]\nmass = 1.0\n", ["randomise.mass", "1.0", "below 1.0"]),

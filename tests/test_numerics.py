@@ -26,6 +26,14 @@ def test_norm_safe_has_zero_gradient_at_the_origin():
     assert_allclose(jax.jit(numerics.norm_safe)(x), np.linalg.norm(x, axis=-1))
 
 
+@pytest.mark.parametrize(("count", "wanted"), [(2, [3, 1]), (4, [3, 1, 0, 2]), (6, [3, 1, 0, 2, 0, 0])])
+def test_the_highest_come_first_and_where_there_are_fewer_none_fills_up(count, wanted):
+    values = jnp.array([0.5, 2.0, -1.0, 7.0])
+    best, index = numerics.highest(values, count)
+    assert index.tolist() == wanted
+    assert_allclose(best, [*np.sort(values)[::-1][:count], *[-np.inf] * (count - 4)])
+
+
 def test_smoothstep_rests_at_both_ends():
     step = jax.jit(numerics.smoothstep)
     assert_allclose(step(np.array([-1.0, 0.0, 0.5, 1.0, 2.0])), [0.0, 0.0, 0.5, 1.0, 1.0])

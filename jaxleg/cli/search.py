@@ -42,8 +42,9 @@ def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) 
 
     from jaxleg.about import about
     from jaxleg.search.contestants import CONTESTANTS, STAGES, with_best
-    from jaxleg.search.run import make_lab, work
+    from jaxleg.search.run import make_lab
     from jaxleg.search.run_folder import RunFolder
+    from jaxleg.search.stages import work
     from jaxleg.search.study import run
     from jaxleg.settings import dump
     from jaxleg.viz.terminal import progress, randomised_lines, result_table

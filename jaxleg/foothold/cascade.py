@@ -29,7 +29,7 @@ from jaxleg.foothold.rectangle import (
 )
 from jaxleg.gait.params import GaitParams
 from jaxleg.leg.kinematics import reach_for_bend
-from jaxleg.numerics import sqrt_safe
+from jaxleg.numerics import highest, sqrt_safe
 from jaxleg.posture.workspace import inside
 from jaxleg.pytree import pytree, static
 from jaxleg.robot.model import Robot
@@ -98,7 +98,7 @@ class Cascade:
         usable = look(nominal, site.valid, site.terrain, seen, reachable, self.extent.cells).usable[leg] & seen.long
         again = jnp.all(jnp.abs(seen.offset - own.offset[leg][None, None]) < 1e-6, axis=-1)
         score = jnp.where(usable & ~again, feasible_score(seen.along, rectangle, rectangle.longer), -jnp.inf)
-        worth, best = jax.lax.top_k(score.reshape(-1), self.count - 1)
+        worth, best = highest(score.reshape(-1), self.count - 1)
         offset = jnp.concatenate([own.offset[leg][None], seen.offset.reshape(-1, 2)[best]])
         exists = jnp.concatenate([(own.status[leg] != FootholdStatus.NONE)[None], jnp.isfinite(worth)])
         return Proposal(nominal[leg][None] + offset, exists, 1.0 - jnp.concatenate([jnp.ones(1, worth.dtype), worth]))

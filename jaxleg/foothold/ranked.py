@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int
 from jaxleg.foothold.contract import Footholds, FootholdStatus, Proposal, Room, endless
 from jaxleg.foothold.rectangle import cells_around
 from jaxleg.gait.params import GaitParams
+from jaxleg.numerics import highest
 from jaxleg.pytree import pytree, static
 from jaxleg.robot import Robot
 from jaxleg.rotations import to_heading
@@ -36,7 +37,8 @@ class Ranked:
         yaw: Float[Array, ""],
         leg: Int[Array, ""],
     ) -> Proposal:
-        """The best valid cells of the rectangle round a leg's nominal foothold, turned to the heading [rad]."""
+        """The best valid cells of the rectangle round a leg's nominal foothold, turned to the heading [rad]; those beyond the
+        cells that there are do not exist."""
         del robot, gait
         resolution, shape = site.terrain.resolution, jnp.array([site.valid.shape], jnp.int32)
         valid, cost = jnp.asarray(site.valid), jnp.asarray(site.cost)  # NumPy's could not be indexed by a tracer
@@ -51,7 +53,7 @@ class Ranked:
         near = jnp.linalg.norm(xy - default, axis=1) / (0.5 * jnp.linalg.norm(size))
         value = self.cost_weight * cost[leg, heading, safe[:, 0], safe[:, 1]] + self.distance_weight * near
         usable = inside & valid[safe[:, 0], safe[:, 1]] & jnp.isfinite(value)
-        worth, best = jax.lax.top_k(jnp.where(usable, -value, -jnp.inf), self.count)
+        worth, best = highest(jnp.where(usable, -value, -jnp.inf), self.count)
         return Proposal(xy[best], jnp.isfinite(worth), -worth)
 
     def wider(self, share: float) -> "Ranked":

@@ -65,9 +65,10 @@ def soft_stance(
 def _reach(found: Found, reachable: Reachable):
     """How far the lowest or highest of the four cells of each offset is within the legs' reach [m]; where no level is known
     they take any."""
-    above = _known(found.height) - found.level[:, None, None]
+    unknown = jnp.isnan(found.level)
+    above = _known(found.height) - jnp.where(unknown, 0.0, found.level)[:, None, None]
     least = jnp.min(jnp.minimum(above - reachable.lowest, reachable.highest - above), axis=0)
-    return jnp.where(jnp.isnan(least), jnp.inf, least)
+    return jnp.where(jnp.any(unknown), jnp.inf, least)
 
 
 def _known(height):

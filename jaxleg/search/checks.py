@@ -187,6 +187,12 @@ def _check_workspaces(study: Study, source: str, legs: Legs) -> None:
                 f"{source}: gait.workspace.behind may be {behind[1]:g} on {name}, but must not exceed the least"
                 f" gait.workspace.ahead, {ahead[0]:g}; see bounds, search.move and kinds.{name}.gait.workspace"
             )
+        low, high = kind.gait.workspace.low, study.contestants.paper.workspace.high
+        if low is not None and low > high:
+            raise InputError(
+                f"{source}: kinds.{name}.gait.workspace.low is {low:g}, but must not exceed"
+                f" contestants.paper.workspace.high, {high:g}, which the searched planners begin with"
+            )
 
 
 def _bound_of(study: Study, kind: Kind, end: str) -> Span:

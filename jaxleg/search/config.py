@@ -201,7 +201,7 @@ class Study:
     seed: int = setting(0, min=0, max=2**32 - 1)  # JAX's keys take no more: it would drop higher bits
     speed: float = setting(0.05, above=0.0, max=1.0, unit="m/s", help="forward speed, the same for all")
     power: Convention = setting("positive", help="power convention that the search minimises")
-    one_for_all: bool = setting(False, help="one parameter set for all kinds of terrain, not one each")
+    one_for_all: bool = setting(False, help="one parameter set for all kinds of terrain; what it holds is the first one's")
     contestants: Contestants = setting(Contestants())
     bounds: dict[str, Span] = setting(BOUNDS, help="of what a search moves; unit and limits are those of its key")
     band: Span = setting((0.48, 0.52), above=0.0, max=2.0, unit="m", help="H_COG of the search `best_i`")

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxleg.foothold.contract import FootholdStatus
-from jaxleg.leg.energy import CONVENTIONS
+from jaxleg.leg.energy import CONVENTIONS, cost_of_transport
 from jaxleg.leg.workspace import Workspace
 from jaxleg.search.lanes import CONSTRAINTS, Score
 from jaxleg.sim.meters import Meters
@@ -128,12 +128,10 @@ def summary(
     return {
         "params": params,
         "energy_per_metre": energy,
-        "cost_of_transport": None if mean is None else mean / (mass * 9.81),
+        "cost_of_transport": None if mean is None else float(cost_of_transport(mean, mass)),
         "mean_power_w": None if mean is None else mean * speed,
         "speed": speed,
-        "lanes": int(on.size),
-        "falls": int((held.fell[i] & ~held.infeasible[i]).sum()),
-        "infeasible": int(held.infeasible[i].sum()),
+        **failed(held, i),
         "min_stability_margin": _least(held.margin[i, on]),
         "min_knee_bend_deg": _least(np.rad2deg(held.bend[i, on])),
         "lowering": _mean(held.lowering[i, on]),
@@ -155,10 +153,18 @@ def workspace(held: Contest, i: int, params: Mapping[str, float | None]) -> dict
     }
 
 
+def failed(held: Contest, i: int) -> dict[str, int]:
+    """A contestant's lanes, how many of them fell, and how many could not be walked at all, which do not count as falls."""
+    infeasible = held.infeasible[i]
+    falls = int((held.fell[i] & ~infeasible).sum())
+    return {"lanes": infeasible.size, "falls": falls, "infeasible": int(infeasible.sum())}
+
+
 def failures(held: Contest, i: int) -> dict[str, float]:
     """Shares of a contestant's lanes that fell, and that could not be walked at all."""
-    infeasible = held.infeasible[i]
-    return {"fell": float((held.fell[i] & ~infeasible).mean()), "infeasible": float(infeasible.mean())}
+    seen = failed(held, i)
+    lanes = seen["lanes"] or float("nan")
+    return {"fell": seen["falls"] / lanes, "infeasible": seen["infeasible"] / lanes}
 
 
 def active_constraints(held: Contest, i: int, params: Mapping[str, Any], bounds: Mapping[str, Sequence[float]]) -> list[str]:

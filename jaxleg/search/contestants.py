@@ -4,7 +4,7 @@ A search sees of a planner the vector of the numbers that it moves, in the order
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +24,8 @@ BASELINES = tuple(field.name for field in dataclasses.fields(Contestants))
 STAGES = ("best_i", "best_ii", "best")  # the searches; the first keeps to the paper's band of H_COG
 CONTESTANTS = BASELINES + STAGES
 STANCE = ("gait.workspace.high", "gait.foot_offset", "gait.skew")  # all that the first two may move
+WIDEST = {"behind": 0, "ahead": 1, "low": 0}  # which end of an end's bounds cuts least
+LOOSE = {f"gait.workspace.{name}": (getattr(UNBOUND, name), end) for name, end in WIDEST.items()}
 WORKSPACE = tuple(f"gait.workspace.{name}" for name in Workspace._fields)
 GAIT = (*WORKSPACE, *(f"gait.{field.name}" for field in dataclasses.fields(Gait) if field.name != "workspace"))
 
@@ -96,11 +98,17 @@ def baseline(study: Study, kind: str, name: str) -> np.ndarray:
 
 
 def bounds(study: Study, kind: str, stage: str) -> np.ndarray:
-    """Bounds (parameter, 2) of a search; what it does not move has both at the paper's value."""
+    """Bounds (parameter, 2) of a search; what it does not move has both at the paper's value. An end of the workspace that does
+    not bind there has both at the widest that `bounds` allow: what is infinite has no scale."""
     spans = study.bounds | ({"gait.workspace.high": study.band} if stage == "best_i" else {})
     free = study.search.move if stage == "best" else STANCE
     fixed = np.asarray(read_leaves(searched_planner(study, kind), study.search.move)).tolist()
-    return np.array([spans[name] if name in free else (value, value) for name, value in zip(study.search.move, fixed)])
+    return np.array([spans[x] if x in free else (_held(spans, x, value),) * 2 for x, value in zip(study.search.move, fixed)])
+
+
+def _held(spans: Mapping[str, Span], name: str, value: float) -> float:
+    unbound, end = LOOSE.get(name, (None, 0))
+    return spans[name][end] if value == unbound else value
 
 
 def contestants(study: Study, kind: str, best: np.ndarray) -> list[Planner]:
@@ -131,5 +139,7 @@ def with_best(study: Study, chosen: dict[str, np.ndarray]) -> Study:
         best = numbers(study, contestants(study, kind, chosen[kind])[-1])
         own = {short_name(name): best.pop(short_name(name)) for name in GAIT}
         workspace = {name: own.pop(f"workspace.{name}") for name in Workspace._fields}
+        if workspace["low"] is not None:  # a walk takes a higher one as `high`; a file may not have it
+            workspace["low"] = min(workspace["low"], workspace["high"])
         kinds[kind] = dataclasses.replace(table, gait=Gait(Bounds(**workspace), **own), leaves=table.leaves | best)
     return dataclasses.replace(study, kinds=kinds)

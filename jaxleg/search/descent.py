@@ -16,6 +16,7 @@ from jaxleg.search.lanes import Lab
 from jaxleg.search.training import Lanes, spread
 
 GROWTH = 4  # times as many terrains in each round
+EDGE = 1e-9  # of a width: what rounding may put a run beyond its bounds
 
 
 class Ranges(NamedTuple):
@@ -63,15 +64,18 @@ def starts_of(key: jax.Array, known: np.ndarray, span: Ranges, starts: int) -> n
     return points.reshape(searches * starts, numbers)
 
 
-def promoted(runs: Runs, searches: int, kept: int) -> Runs:
-    """The best `kept` runs of each search go on."""
-    return on_others(runs, promoted_index(runs, searches, kept))
+def promoted(runs: Runs, box: np.ndarray, kept: int) -> Runs:
+    """The best `kept` runs of each search (box (search, number, 2)) go on."""
+    return on_others(runs, promoted_index(runs, box, kept))
 
 
-def promoted_index(runs: Runs, searches: int, kept: int) -> np.ndarray:
-    """Numbers of the best `kept` runs of each search and of those before it, whose bounds are narrower."""
-    each = len(runs.at) // searches
-    best = [np.argsort(runs.value[: (search + 1) * each], kind="stable")[:kept] for search in range(searches)]
+def promoted_index(runs: Runs, box: np.ndarray, kept: int) -> np.ndarray:
+    """Numbers of the best `kept` runs of each search, and of those before it that stand within its bounds."""
+    each, best = len(runs.at) // len(box), []
+    for search, (low, high) in enumerate(np.moveaxis(box, -1, 1)):
+        within = np.all((runs.at >= low - EDGE) & (runs.at <= high + EDGE), axis=1)
+        within[(search + 1) * each :] = False
+        best.append(np.lexsort((runs.value, ~within))[:kept])
     return np.concatenate(best)
 
 
@@ -98,13 +102,13 @@ def searched(
 
     `plan` is that of `rounds`, `steps` the most of a round.
     """
-    searches, runs = len(span.box), begin(points)
+    runs = begin(points)
     for number, (terrains, starts) in enumerate(plan):
         if number:
-            runs = promoted(runs, searches, starts)
+            runs = promoted(runs, span.box, starts)
         until = int(runs.steps) + steps
         runs = descend(lab, spread(lanes, terrains), span, keep.load(number, runs) or runs, until, (number, keep))
-    best = promoted_index(runs, searches, 1)
+    best = promoted_index(runs, span.box, 1)
     return span.vectors(runs.at[best]), runs.value[best]
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxleg.search.contest import Contest, nested, savings_by_engine
+from jaxleg.search.contest import Contest, failed, nested, savings_by_engine
 from jaxleg.search.contestants import CONTESTANTS
 from jaxleg.search.run import Run
 from jaxleg.search.verify import everyone, refereed, replayed, simulated
@@ -22,9 +22,9 @@ def randomised(state: Run, chosen: Mapping[str, np.ndarray]) -> dict[str, Any]:
         seen["simulation"][kind], seen["mujoco"][kind] = walked(state, kind, best)
     state.clock("randomised", began)
     search, ranges = state.study.search, dataclasses.asdict(state.study.randomise)
-    failed = {engine: nested({kind: failures(each) for kind, each in contests.items()}) for engine, contests in seen.items()}
+    lost = {engine: nested({kind: _failed(each) for kind, each in contests.items()}) for engine, contests in seen.items()}
     saved = savings_by_engine(seen, CONTESTANTS, search.resamples, state.study.seed)
-    return saved | {"failed": failed, "ranges": ranges}
+    return saved | {"failed": lost, "ranges": ranges}
 
 
 def walked(state: Run, kind: str, best: np.ndarray) -> tuple[Contest, Contest]:
@@ -36,9 +36,5 @@ def walked(state: Run, kind: str, best: np.ndarray) -> tuple[Contest, Contest]:
     return ours, theirs
 
 
-def failures(seen: Contest) -> dict[str, dict[str, int]]:
-    """Lanes of each contestant, falls in those that were planned, and those that could not be."""
-    return {
-        name: {"lanes": fell.size, "falls": int((fell & ~unfit).sum()), "infeasible": int(unfit.sum())}
-        for name, fell, unfit in zip(CONTESTANTS, seen.fell, seen.infeasible)
-    }
+def _failed(seen: Contest) -> dict[str, dict[str, int]]:
+    return {name: failed(seen, i) for i, name in enumerate(CONTESTANTS)}

@@ -14,8 +14,6 @@ from jaxleg.search.lanes import Lab
 from jaxleg.search.run_folder import RunFolder
 from jaxleg.sim.contact import Ground
 
-STEP_UNITS = 1.0  # units of work of a step of the descent
-POLISH_UNITS = 30.0
 Report = Callable[[float, str], None]  # where progress goes: units of work done, and a line on what is going on
 
 
@@ -33,13 +31,6 @@ def make_lab(study: Study, robot: Robot) -> Lab:
         terms=sim.engine,
         counted=study.search.counted,
     )
-
-
-def work(study: Study) -> float:
-    """Units of work of a whole study, about a second each: what `Report` counts up to."""
-    groups, kinds = 1 if study.one_for_all else len(study.kinds), len(study.kinds)
-    of_group = STEP_UNITS * study.search.steps + POLISH_UNITS * (study.search.polish_steps > 0)
-    return of_group * groups + (18.0 + 16.0 * (study.randomise.lanes > 0)) * kinds + 10.0
 
 
 @dataclasses.dataclass

@@ -8,12 +8,30 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxleg.search.config import Span, Study
 from jaxleg.search.contestants import STAGES, baseline, bounds
 from jaxleg.search.descent import Keep, ranges, rounds, searched, starts_of
-from jaxleg.search.gauss_newton import FAILED, Runs
+from jaxleg.search.gauss_newton import FAILED, Runs, counts
 from jaxleg.search.lanes import Lab
-from jaxleg.search.run import POLISH_UNITS, STEP_UNITS, Run
+from jaxleg.search.run import Run
+from jaxleg.search.sites import share
 from jaxleg.search.training import Lanes, pooled, spread
+
+STEP_UNITS, POLISH_UNITS = 1.0, 30.0  # of work: a step of the descents, a polish
+
+
+def work(study: Study) -> float:
+    """Units of work of a whole study, about a second each: what `Report` counts up to."""
+    groups = [tuple(study.kinds)] if study.one_for_all else [(kind,) for kind in study.kinds]
+    of_groups = sum(descent_units(study, group) + POLISH_UNITS * (study.search.polish_steps > 0) for group in groups)
+    return of_groups + (18.0 + 16.0 * (study.randomise.lanes > 0)) * len(study.kinds) + 10.0
+
+
+def descent_units(study: Study, group: tuple[str, ...]) -> float:
+    """Units of work of a group's descents: the most steps of all rounds, on as many terrains as the study asks for."""
+    kinds, search = list(study.kinds), study.search
+    terrains = sum(share(study.terrains.train, len(kinds), kinds.index(kind)) for kind in group)
+    return STEP_UNITS * search.steps * len(rounds(terrains, search.lanes, search.starts))
 
 
 class InFolder(Keep):
@@ -49,9 +67,10 @@ def search_group(state: Run, group: tuple[str, ...], training: dict[str, Lanes])
     known = np.stack([baseline(study, group[0], c) for c in ("traditional", "paper")])
     key = jax.random.fold_in(jax.random.key(study.seed), 100 + state.kinds.index(group[0]))
     points = starts_of(key, known, span, search.starts)
-    plan = rounds(lanes.number, search.lanes, search.starts)
+    plan, ahead = rounds(lanes.number, search.lanes, search.starts), state.done + descent_units(study, group)
     best, _ = searched(state.lab, lanes, span, points, plan, search.steps, InFolder(state, name))
     state.clock("descent", began)
+    state.tell(ahead - state.done, f"{name}: searched")
     return best
 
 
@@ -70,7 +89,7 @@ def polish(state: Run, group: tuple[str, ...], training: dict[str, Lanes], best:
         for step in range(search.polish_steps):
             slope = gradient * (high - low)
             trial = np.clip(kept - rate * (high - low) * slope / max(float(np.linalg.norm(slope)), 1e-12), low, high)
-            new_value = judge(lambda *x: simulated_objective(state.lab, *x), trial[None], lanes)[0]
+            new_value = judge(lambda *x: simulated_objective(state.lab, *x), trial[None], lanes, state.lab.counted)[0]
             better = new_value < value
             kept, value, rate = (trial, new_value, rate) if better else (kept, value, 0.5 * rate)
             if better and step + 1 < search.polish_steps:
@@ -83,12 +102,14 @@ def polish(state: Run, group: tuple[str, ...], training: dict[str, Lanes], best:
     return best
 
 
-def judge(objective: Callable[..., np.ndarray], vectors: np.ndarray, lanes: Lanes) -> np.ndarray:
-    """Mean objective of each vector over the lanes; a lane that cannot be judged costs ten times the baseline."""
+def judge(objective: Callable[..., np.ndarray], vectors: np.ndarray, lanes: Lanes, counted: Span = (0.0, 1.0)) -> np.ndarray:
+    """Mean objective of each vector over the lanes that are `counted` (`gauss_newton.counts`); a lane that cannot be judged
+    costs ten times the baseline."""
     rows = jnp.asarray(np.repeat(vectors, lanes.number, axis=0), float)
     many = lanes.take(np.tile(np.arange(lanes.number), len(vectors)))
     values = objective(rows, many.site, many.setting).reshape(len(vectors), -1)
-    return np.where(np.isfinite(values), values, FAILED).mean(axis=1)
+    values = np.where(np.isfinite(values), values, FAILED)
+    return np.array([counts(row, counted) @ row for row in values])
 
 
 def simulated_objective(lab: Lab, *lanes: Any) -> np.ndarray:
@@ -98,9 +119,11 @@ def simulated_objective(lab: Lab, *lanes: Any) -> np.ndarray:
 
 
 def simulated_gradient(lab: Lab, vector: np.ndarray, lanes: Lanes) -> tuple[float, np.ndarray]:
-    """Mean objective and gradient of one vector over the lanes, in simulation; lanes without a finite gradient stay out."""
+    """Mean objective and gradient of one vector over the lanes that count, in simulation; those without a finite gradient
+    stay out of it."""
     rows = jnp.asarray(np.tile(vector, (lanes.number, 1)), float)
     score, meters, gradient = lab.simulate_gradients(rows, lanes.site, lanes.setting)
     usable = ~meters.fell & np.isfinite(gradient).all(axis=1)
-    value = np.where(usable, score.objective, FAILED).mean()
-    return float(value), np.where(usable[:, None], gradient, 0.0).mean(axis=0)
+    value = np.where(usable, score.objective, FAILED)
+    weight = counts(value, lab.counted)
+    return float(weight @ value), weight @ np.where(usable[:, None], gradient, 0.0)

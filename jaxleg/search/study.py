@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxleg.about import about
 from jaxleg.search.config import Study
-from jaxleg.search.contest import active_constraints, failures, nested, savings_by_engine, summary, workspace
+from jaxleg.search.contest import active_constraints, failed, failures, nested, savings_by_engine, summary, workspace
 from jaxleg.search.contestants import BASELINES, CONTESTANTS, STAGES, bounds, contestants, numbers, short_name
 from jaxleg.search.lanes import CYCLES, Lab
 from jaxleg.search.randomised import randomised
@@ -74,10 +74,7 @@ def assemble(state: Run, chosen: dict, held: dict, replays: dict, proxy: dict) -
         for kind in state.kinds
     }
 
-    refereed = {
-        kind: {name: {"lanes": fell.size, "falls": int(fell.sum())} for name, fell in zip(CONTESTANTS, replays[kind].fell)}
-        for kind in state.kinds
-    }
+    refereed = {kind: {name: failed(replays[kind], i) for i, name in enumerate(CONTESTANTS)} for kind in state.kinds}
 
     counts = {  # of terrains that differ
         "train": state.trained,

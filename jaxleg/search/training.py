@@ -34,8 +34,8 @@ class Lanes(NamedTuple):
 
 
 def training_lanes(state: Run, kind: str) -> Lanes:
-    """Training sites of a kind; each lane's baseline energy and its margin floor are those of `traditional` there. What a
-    search does not move is the paper's."""
+    """Training sites of a kind; a lane's margin floor is that of `traditional` there, the energy that counts as 1 its mean over
+    the kind. What a search does not move is the paper's."""
     began = time.perf_counter()
     site = make_sites(state.study, state.robot, kind, held_out=False)
     count = site.valid.shape[0]
@@ -55,12 +55,8 @@ def training_lanes(state: Run, kind: str) -> Lanes:
 
 
 def pooled(training: dict[str, Lanes], group: tuple[str, ...]) -> Lanes:
-    """The lanes of a group of kinds, taken in turn."""
-    joined = jax.tree.map(lambda *x: jnp.concatenate(x), *(training[kind] for kind in group))
-    if len(group) == 1:
-        return joined
-    order = np.argsort(np.concatenate([np.arange(training[kind].number) for kind in group]), kind="stable")
-    return joined.take(order)
+    """The lanes of a group of kinds, kind by kind: `spread` then takes of all kinds and, within each, of all difficulties."""
+    return jax.tree.map(lambda *x: np.concatenate(x), *(training[kind] for kind in group))
 
 
 def spread(lanes: Lanes, count: int) -> Lanes:

@@ -59,7 +59,7 @@ def replay_mujoco(file: PlanFile, frame: float) -> tuple[dict[str, Any], Frames]
         "engine": "mujoco",
         **_figures(file, energy, _way(seen.trunk[0], file), verdict.time, verdict.margin, verdict.slip),
         "fell": bool(verdict.fell),
-        "finished": not verdict.fell,
+        "finished": bool(seen.over[0]) and not verdict.fell,
         "left": float(np.linalg.norm(seen.trunk[0, :2] - file.goal)),
     }
     return result, seen.shots[0]

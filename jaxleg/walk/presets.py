@@ -35,7 +35,8 @@ def paper_a(
     load_share: Float[ArrayLike, ""] = 0.1,
     height_threshold: Float[ArrayLike, ""] = 0.0,
 ) -> Planner:
-    """Paper A: the energy-saving stance on a straight way, its footholds by the cascade, at a speed [m/s]. Lengths [m]."""
+    """Paper A: the energy-saving stance on a straight way, its footholds by the cascade, at a speed [m/s] with a least
+    knee bend [rad]. Lengths [m]."""
     dtype = gait.step_length.dtype
     speed, bend, clear, load, threshold = (
         jnp.asarray(x, dtype) for x in (speed, least_bend, clearance, load_share, height_threshold)

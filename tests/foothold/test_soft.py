@@ -49,6 +49,22 @@ def test_gradients_are_those_of_differences(both):
     assert_allclose(jax.jit(jax.jacrev(ahead))(at).T, difference, rtol=1e-5, atol=1e-9)
 
 
+def test_two_feet_without_ground_have_no_nan_gradient(pegasus):
+    """Where the front legs find no foothold their reach is not known: no common offset has any weight, nor a slope."""
+    where = np.ones((80, 50), bool)
+    where[40:] = False
+
+    def total(high, ground):
+        cascade, stance = Cascade(rectangle(w1=0.45), jnp.asarray(0.0), EXTENT), (jnp.asarray(NOMINAL), jnp.zeros(()))
+        return jnp.sum(soft_stance(cascade, Softness(0.1, 0.01), pegasus, gait(height=high), ground, *stance).offset)
+
+    ground = jax.tree.map(jnp.asarray, site(where))
+    forward = jax.jit(lambda h: jax.jvp(lambda x: total(x, ground), (h,), (1.0,))[1])(0.48)
+    reverse = jax.grad(total)(0.48, ground)  # not compiled: XLA would leave the NaN out
+    assert np.isfinite(reverse)
+    assert_allclose(reverse, forward, atol=1e-12)
+
+
 def test_nothing_to_stand_on_is_no_nan(both):
     """Neither in the choice nor in its gradient."""
     ground = site(np.zeros((80, 50), bool))

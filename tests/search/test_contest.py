@@ -10,6 +10,7 @@ from jaxleg.search.contest import (
     Contest,
     active_constraints,
     bootstrap,
+    failed,
     failures,
     keeps_limits,
     nested,
@@ -127,6 +128,8 @@ def test_one_contestants_figures_by_hand():
     assert space["inside"] == pytest.approx(0.75)
     assert list(space["found"].values()) == pytest.approx([0.75, 0.05, 0.2, 0.0])
     assert failures(held, 0) == {"fell": 0.25, "infeasible": 0.25}
+    both = held._replace(fell=np.array([[False, False, True, True]]))
+    assert failed(both, 0) == {"lanes": 4, "falls": 1, "infeasible": 1}  # what cannot be planned is no fall
     assert seen["params"] == {"skew": 0.1}
 
 

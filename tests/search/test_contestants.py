@@ -12,11 +12,13 @@ from numpy.testing import assert_allclose
 from jaxleg.foothold.rectangle import Extent
 from jaxleg.robot import load_robot
 from jaxleg.search.checks import HEADINGS
-from jaxleg.search.config import BOUNDS, RULES, Gait, Kind, Search, Simulation, Study
+from jaxleg.search.config import BOUNDS, RULES, Gait, Kind, Search, Simulation, Study, Workspace
 from jaxleg.search.contestants import (
     GAIT,
+    STAGES,
     WORKSPACE,
     baseline,
+    bounds,
     contestant,
     contestants,
     numbers,
@@ -24,6 +26,7 @@ from jaxleg.search.contestants import (
     searched_planner,
     with_best,
 )
+from jaxleg.search.descent import ranges
 from jaxleg.search.leaves import leaf_names, read_leaves
 from jaxleg.search.navigate import navigator_of
 from jaxleg.settings import dump, load
@@ -97,6 +100,24 @@ def test_the_best_answer_written_and_read_again_is_the_same_planner(tmp_path, si
             assert_allclose(read_leaves(found, MOVE), best[kind][-1])
     assert again.kinds["flat"].leaves == {"posture.cog.ratio": 0.3, "swing.clearance": 0.1}
     assert again.kinds["rough"].leaves == {"posture.cog.ratio": 0.4, "swing.clearance": 0.1, "swing.load_share": 0.15}
+
+
+def test_a_bound_that_does_not_bind_is_held_where_it_cuts_least():
+    """Nothing infinite reaches a search; a kind's own bound stays."""
+    own = Workspace(behind=-0.15, high=0.5)
+    kinds = {"flat": Kind(), "rough": Kind("rough", gait=Gait(own))}
+    study = Study(kinds=kinds, search=Search(move=WORKSPACE))
+    behind, ahead, low, high = (BOUNDS[name] for name in WORKSPACE)
+    assert bounds(study, "flat", "best").tolist() == [list(x) for x in (behind, ahead, low, high)]
+    assert bounds(study, "flat", "best_ii")[:3].tolist() == [[behind[0]] * 2, [ahead[1]] * 2, [low[0]] * 2]
+    assert bounds(study, "rough", "best_i")[0].tolist() == [-0.15, -0.15]
+    assert np.isfinite(ranges(np.stack([bounds(study, "flat", stage) for stage in STAGES])).box).all()
+
+
+def test_a_workspace_searched_upside_down_is_written_as_it_is_walked(tmp_path):
+    study = Study(kinds={"flat": Kind()}, search=Search(move=WORKSPACE))
+    dump(with_best(study, {"flat": np.array([[-0.1, 0.1, 0.5, 0.45]] * 3)}), tmp_path / "best.toml")
+    assert load(Study, tmp_path / "best.toml").kinds["flat"].gait.workspace == Workspace(-0.1, 0.1, 0.45, 0.45)
 
 
 def test_results_name_the_gaits_numbers_and_what_else_moves():

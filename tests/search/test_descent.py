@@ -85,6 +85,16 @@ def test_a_search_goes_on_from_a_narrower_ones_end():
     assert 0.48 - 1e-9 <= best[0, 0] <= 0.52 + 1e-9
 
 
+def test_a_narrower_ones_end_beyond_its_own_bounds_is_not_handed_on():
+    """The second search's bounds lie beside the first's, and where it may go it costs more."""
+    beside = np.array([[0.55, 0.6], [-0.2, 0.1], [0.3, 0.3]])
+    span = ranges(np.stack([NARROW, beside]))
+    points = starts_of(jax.random.key(3), np.zeros((0, 3)), span, 2)
+    best, value = searched(Bowl(), lanes(1), span, points, [(1, 2), (1, 1)], steps=12)
+    assert best[1, 0] == pytest.approx(0.55, abs=2e-3)
+    assert value[1] > value[0]
+
+
 class Kept(Keep):
     """Keeps every round in a dictionary, and is killed after so many saves."""
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxleg.search import stages
-from jaxleg.search.config import MOVE, Kind, Search, Study
+from jaxleg.search.config import MOVE, Kind, Search, Study, Terrains
 from jaxleg.search.contestants import bounds
 from jaxleg.search.lanes import Setting
 from jaxleg.search.stages import judge, polish
@@ -25,6 +25,9 @@ def lanes(*numbers):
 
 class Bowl(StandInLab):
     """A simulation that likes `BEST`; terrain 9 is a fall."""
+
+    def __init__(self, counted=(0.0, 1.0)):
+        super().__init__(counted=counted)
 
     def simulate_lanes(self, vectors, site, setting):
         apart = (np.asarray(vectors) - BEST) / WIDTH
@@ -55,12 +58,43 @@ def test_a_fall_is_never_the_best():
     assert_allclose(gradient, 0.5 * -0.2 / WIDTH)  # the mean over both lanes, the fallen one's gradient left out
 
 
-def test_lanes_are_spread_evenly_and_pooled_in_turn():
+def test_lanes_are_spread_evenly_and_pooled_kind_by_kind():
     assert spread(lanes(*range(11)), 3).site.tolist() == [0, 5, 10]
     assert spread(lanes(1, 2), 5).site.tolist() == [1, 2]
     training = {"a": lanes(0, 1, 2), "b": lanes(10, 11)}
-    assert pooled(training, ("a", "b")).site.tolist() == [0, 10, 1, 11, 2]
+    assert pooled(training, ("a", "b")).site.tolist() == [0, 1, 2, 10, 11]
     assert pooled(training, ("b",)).site.tolist() == [10, 11]
+
+
+@pytest.mark.parametrize("count", [8, 16, 23, 64, 100, 128, 256])
+def test_lanes_spread_over_pooled_kinds_are_of_all_kinds_and_difficulties(count):
+    """Four kinds of 128 lanes, in the order of their difficulty."""
+    kinds = {name: lanes(*(1000 * i + np.arange(128))) for i, name in enumerate("abcd")}
+    seen = spread(pooled(kinds, tuple("abcd")), count).site
+    for i in range(4):
+        own = np.sort(seen[seen // 1000 == i]) - 1000 * i
+        assert abs(len(own) - count / 4) <= 2
+        assert abs(own.mean() - 63.5) < 128 / len(own)
+
+
+def test_a_polish_counts_the_lanes_that_the_search_counts():
+    """The dearest half of four lanes: of the one that fell it knows no slope."""
+    four = lanes(0.0, 1.0, 2.0, 9.0)
+    lab = Bowl(counted=(0.5, 1.0))
+    value, gradient = stages.simulated_gradient(lab, BEST - 0.1 * WIDTH, four)
+    assert_allclose(value, (2.0 + 10 * 0.01 + 10.0) / 2)
+    assert_allclose(gradient, 0.5 * -0.2 / WIDTH)
+    values = lambda *x: stages.simulated_objective(lab, *x)  # noqa: E731
+    assert_allclose(judge(values, BEST[None], four, lab.counted), [(2.0 + 10.0) / 2])
+
+
+@pytest.mark.parametrize("one_for_all", [False, True])
+def test_the_work_ahead_is_the_most_steps_of_all_rounds(one_for_all):
+    """Five and four terrains, two at first: three rounds and two; nine together: three."""
+    search, terrains = Search(lanes=2, steps=7), Terrains(train=9)
+    study = Study(kinds={"a": Kind(), "b": Kind()}, search=search, terrains=terrains, one_for_all=one_for_all)
+    steps = 7 * 3 if one_for_all else 7 * 2 + 7 * 2
+    assert stages.work(study) == steps * stages.STEP_UNITS + 18.0 * 2 + 10.0
 
 
 def test_polish_goes_down_and_keeps_what_is_better():

@@ -49,6 +49,21 @@ def test_a_walk_that_goes_nowhere_has_no_cost_of_transport(pegasus, engine):
     assert {type(x) for x in result.values()} <= {str, float, bool, dict}
 
 
+def test_a_plan_sampled_finer_than_the_referees_tick_is_followed_to_its_end(pegasus):
+    """Samples 1.3 ms apart, ticks of 4 ms that go on by one sample each."""
+    fine = jax.tree.map(np.asarray, reference(pegasus, up_down(pegasus, gait(), GROUND, 0.45, 0.47, 0.4), (300, 300)))
+    coarse = jax.tree.map(lambda x: x[::8], fine)
+    assert np.diff(fine.time).max() < 0.002
+    energies = []
+    for track in (fine, coarse):
+        watched = follow_all(pegasus, [GROUND], [track], 0.8)
+        assert watched.over.all()
+        energies.append(watched.verdict.energy.joule[0])
+    assert energies[0] == pytest.approx(energies[1], rel=0.01)
+    file = plan(pegasus)._replace(reference=fine)
+    assert replay_mujoco(file, 0.1)[0]["finished"]
+
+
 @pytest.mark.parametrize("engine", [replay_mjx, replay_mujoco])
 def test_a_plan_that_cannot_be_computed_is_a_fall_whose_figures_are_plain_numbers(pegasus, engine):
     result, frames = engine(plan(pegasus, steps=3, joint_torque=np.full((13, 4, 3), np.nan)), 0.1)

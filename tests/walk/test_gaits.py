@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxleg.foothold.rectangle import Extent
 from jaxleg.gait.timing import shift_time
 from jaxleg.route.stations import Stations
 from jaxleg.series.candidates import adjustment_of, place_of, steps_away
@@ -20,6 +21,7 @@ from jaxleg.walk.config import Navigation
 from jaxleg.walk.feasible import Standing, feasible, holding_power
 from jaxleg.walk.navigation import make_navigator
 from tests.crawls import gait
+from tests.walk.test_parts import crawler
 
 SIZE, SHAPE, ORIGIN = 0.04, (50, 40), np.array([-1.0, -0.8])
 LEG = 3  # RH swings
@@ -124,6 +126,20 @@ def test_footholds_are_the_best_valid_cells_of_the_turned_rectangle(navigator, p
         assert int(seen.exists.sum()) == len(rows)
         np.testing.assert_allclose(np.asarray(seen.cost)[: len(rows)], rows[:, 0], atol=1e-9)
         np.testing.assert_allclose(np.asarray(seen.xy)[: len(rows)], rows[:, 1:], atol=1e-9)
+
+
+@pytest.mark.parametrize("part", ["ranked", "cascade"])
+def test_more_footholds_wanted_than_there_are_cells_are_none(navigator, pegasus, part):
+    """Nine cells either way."""
+    plan = navigator.planner
+    ranked = dataclasses.replace(plan.foothold, cells=1, count=40)
+    seen = {"ranked": ranked, "cascade": dataclasses.replace(crawler().foothold, extent=Extent((1, 1), 1), count=40)}[part]
+    site = Site(terrain_of(np.zeros(SHAPE)), jnp.ones(SHAPE, bool), None, jnp.ones((4, 8, *SHAPE)))
+    nominal = jnp.zeros((4, 2))
+    found = jax.jit(seen.propose)(pegasus, plan.gait, site, nominal, jnp.zeros(()), jnp.zeros((), jnp.int32))
+    assert found.xy.shape == (40, 2)
+    assert 0 < int(found.exists.sum()) <= 9
+    assert np.all(np.asarray(found.exists)[: int(found.exists.sum())])
 
 
 @pytest.fixture(scope="module")
