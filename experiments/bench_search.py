@@ -139,7 +139,7 @@ def spread_of(values: list[float]) -> dict[str, float]:
 def draw(kinds: dict[str, Any], path: Path) -> None:
     """What the referee says of the best so far against time, warm; a panel a kind."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(1, len(kinds), sharey=True))
+    axes = np.atleast_1d(figure.subplots(1, len(kinds)))
     for ax, (kind, row) in zip(axes, kinds.items()):
         for number, (name, way) in enumerate(row["ways"].items()):
             for i, curve in enumerate(way["curves"]):

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 
 from experiments.common import CONFIG, setup, training, write
 from jaxleg.leg.energy import CONVENTIONS
-from jaxleg.search import adam
+from jaxleg.search import descent
 from jaxleg.search.config import Study
 from jaxleg.search.contest import Contest, contest, saving, summary
 from jaxleg.search.contestants import baseline, bounds, contestant, planner_of, searched_planner
@@ -41,7 +41,7 @@ from jaxleg.walk.reference import reference
 FORMS = {"mirrored": (1, True), "whole": (None, False)}  # half cycles after which the form is alike, and left and right changed
 NAMES = ("traditional", "ten", *FORMS)
 COLOUR = dict(zip(NAMES, (GREY, BLACK, GREEN, ORANGE)))
-RATE = 0.05  # of the descents
+AGAIN = 2  # rounds of a descent: its trust region begins anew
 SAMPLES = (24, 24)  # of the picture
 
 
@@ -62,7 +62,7 @@ def main(out: Path | None = None, run: Path | None = None, quick: bool = False) 
     best = None if quick else found(run or folder / "quickstart")
     forms = {"mirrored": FORMS["mirrored"]} if quick else FORMS
     labs = {name: free_lab(lab, *form, move=study.search.move, chunk=4) for name, form in forms.items()}
-    train, held, steps = (1, 1, 15) if quick else (8, 32, 600)
+    train, held, steps = (1, 1, 5) if quick else (8, 32, 60)
     rows: dict[str, Any] = {}
     for kind in ("flat",) if quick else study.kinds:
         task = make_task(study, labs["mirrored"], kind, best, train, steps)
@@ -121,22 +121,16 @@ def on(lab: FreeLab, other: FreeLab, vector: np.ndarray) -> np.ndarray:
 
 
 def descended(task: Task, lab: FreeLab, begin: np.ndarray, free: bool) -> np.ndarray:
-    """The best of a descent from a vector on all training terrains at once; the free form's numbers move or stay zero. Feet
+    """The end of a descent from a vector on all training terrains at once; the free form's numbers move or stay zero. Feet
     go aside where every cell is a foothold: a cell's place is not the descent's to choose."""
     stays = np.array(names_of(lab.tie)) == "aside" if not np.all(task.train.site.valid) else np.zeros(len(lab.bounds), bool)
     form = np.where(stays[:, None] | (not free), 0.0, lab.bounds)
-    span = jnp.asarray(np.concatenate([bounds(task.study, task.kind, "best"), form]), float)[None]
-    optimiser, known = adam.make_optimiser(RATE, task.steps), jnp.asarray(begin)[None]
-    points = adam.start(jax.random.key(task.study.seed), known, span, 1, optimiser)
-    least, best = np.inf, begin
-    while int(points.step) < task.steps:
-        at = np.asarray(adam.bounded(points.free, span))[0]
-        points, objective = adam.descend(lab, task.train, span, points, task.train.number, optimiser)
-        if objective[0] < least:
-            least, best = objective[0], at
-        if int(points.step) % 100 == 0:
-            print(f"{task.kind}: step {int(points.step)}, {least:.4f} of the baseline", flush=True)
-    return best
+    box = np.concatenate([bounds(task.study, task.kind, "best"), form])
+    span = descent.ranges(box[None])
+    point, plan = span.scaled(np.clip(begin, *box.T))[None], [(task.train.number, 1)] * AGAIN
+    best, value = descent.searched(lab, task.train, span, point, plan, task.steps)
+    print(f"{task.kind}: {value[0]:.4f} of the baseline", flush=True)
+    return best[0]
 
 
 def row(task: Task, labs: dict[str, FreeLab], vectors: dict[str, np.ndarray], held: int) -> dict[str, Any]:

@@ -84,10 +84,19 @@ def cog_point(
 def stability_margin(
     com: Float[Array, "2 *n"], feet: Float[Array, "leg 2 *n"], loaded: Bool[Array, "leg *n"]
 ) -> Float[Array, "*n"]:
-    """Distance [m] of the centre of mass inside the hull of the loaded feet, negative outside.
+    """Distance [m] of the centre of mass inside the hull of the loaded feet, negative outside: the least of `edge_margins`."""
+    return jnp.min(edge_margins(com, feet, loaded), axis=0)
 
-    The loaded feet keep their order round the body, so each edge joins a loaded foot to the next loaded one. Two loaded
-    feet give minus the distance to their line; fewer give -1. Many instants at once have axes of their own behind all others.
+
+def edge_margins(
+    com: Float[Array, "2 *n"], feet: Float[Array, "leg 2 *n"], loaded: Bool[Array, "leg *n"]
+) -> Float[Array, "edge *n"]:
+    """Distance [m] of the centre of mass to each edge of the hull of the loaded feet, negative outside; one edge for each foot
+    round the body (`RING`), that begins at it: infinite where the foot is not loaded.
+
+    The loaded feet keep their order round the body, so each edge joins a loaded foot to the next loaded one. Of two loaded
+    feet the lesser distance is minus that to their line; of fewer all are -1. Many instants at once have axes of their own
+    behind all others.
     """
     ring = np.array(RING)
     points, on = feet[ring], loaded[ring]
@@ -96,10 +105,10 @@ def stability_margin(
         ahead, there = jnp.roll(points, -step, axis=0), jnp.roll(on, -step, axis=0)
         edge, arm = ahead - points, com[None] - points
         inside = (edge[:, 1] * arm[:, 0] - edge[:, 0] * arm[:, 1]) / (norm_safe(edge, axis=1) + 1e-9)  # it runs clockwise
-        margins.append(jnp.min(jnp.where(on & there & ~passed, inside, jnp.inf), axis=0))
+        margins.append(jnp.where(on & there & ~passed, inside, jnp.inf))
         passed = passed | there
     least = jnp.minimum(jnp.minimum(margins[0], margins[1]), margins[2])
-    return jnp.where(jnp.sum(loaded, axis=0) >= 2, least, -1.0)
+    return jnp.where(jnp.sum(loaded, axis=0, keepdims=True) >= 2, least, -1.0)
 
 
 def _cross2(a: Float[Array, "*n 2"], b: Float[Array, "*n 2"]) -> Float[Array, "*n"]:

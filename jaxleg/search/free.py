@@ -26,6 +26,7 @@ SPANS = {
     "lift": (0.0, 0.2),
     "aside": (-1 / 6, 1 / 6),
 }
+ROWS = 512  # with fewer, models of tens of numbers miss what binds next
 LENGTHS = ("trunk 0", "trunk 1", "trunk 2", "apex", "aside")
 
 
@@ -57,4 +58,4 @@ def free_lab(lab: Lab, halves: int | None = 1, mirrored: bool = True, **changes:
     phases = int(np.flatnonzero(SHAPE.leg == SHIFT)[1])  # of a half cycle
     ties = tie(tuple(SHAPE.leg.tolist()), CYCLES + 1, halves and halves * phases, mirrored)
     numbers = {field.name: getattr(lab, field.name) for field in dataclasses.fields(lab)}
-    return FreeLab(**numbers | {"move": ()} | changes, tie=ties)
+    return FreeLab(**numbers | {"move": (), "rows": ROWS} | changes, tie=ties)

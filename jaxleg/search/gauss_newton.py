@@ -38,7 +38,7 @@ class Judged(NamedTuple):
 
     value: float
     slope: np.ndarray  # (number,) of the cost
-    rows: np.ndarray  # (constraint, row), of all lanes
+    rows: np.ndarray  # (constraint, row), of all lanes; these and their slopes in the model's precision
     slopes: np.ndarray  # (constraint, row, number)
     weight: np.ndarray  # (constraint,) of its lane in the objective
 
@@ -69,9 +69,10 @@ def judged(model: Model, width: np.ndarray, counted: Span = (0.0, 1.0)) -> Judge
     cost = np.where(usable, cost, FAILED)
     weight = counts(cost, counted)
     kept = usable & (weight > 0.0)
-    slope, rows, slopes = (np.asarray(x, float)[kept] for x in model[2:])
-    flat = rows.reshape(-1, rows.shape[-1]), slopes.reshape(-1, *slopes.shape[2:]) * width
-    return Judged(float(weight @ cost), weight[kept] @ slope * width, *flat, np.repeat(weight[kept], rows.shape[1]))
+    slope, rows, slopes = (np.asarray(x)[kept] for x in model[2:])
+    flat = rows.reshape(-1, rows.shape[-1]), slopes.reshape(-1, *slopes.shape[2:]) * width.astype(slopes.dtype)
+    slope = weight[kept] @ slope.astype(float) * width
+    return Judged(float(weight @ cost), slope, *flat, np.repeat(weight[kept], rows.shape[1]))
 
 
 def counts(cost: np.ndarray, counted: Span) -> np.ndarray:
@@ -130,9 +131,7 @@ class Descents:
         free = high > low
         if not free.any():
             return at, 0.0
-        may_bind = np.any(here.rows < np.sum(np.abs(here.slopes[..., free]), axis=2) * radius, axis=1)
-        rows, slopes, weight = here.rows[may_bind], here.slopes[may_bind][..., free], here.weight[may_bind]
-        problem = Problem(here.slope[free], self.runs.curvature[run][np.ix_(free, free)], rows, slopes, weight)
+        problem = Problem(here.slope[free], self.runs.curvature[run][np.ix_(free, free)], *_binding(here, free, radius))
         step = np.zeros_like(at)
         step[free] = lowest(problem, np.minimum(low[free], 0.0), np.maximum(high[free], 0.0))
         return np.clip(at + step, *self.box[run].T), -problem.value(step[free])
@@ -149,6 +148,18 @@ class Descents:
             runs.at[run], runs.value[run], runs.reach[run], self.known[run] = self.tried[run], there.value, reach, there
         else:
             runs.radius[run] = 0.4 * min(runs.radius[run], length)
+
+
+def _binding(here: Judged, free: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows, slopes by the free numbers and weight of the constraints that may bind within the radius; of each its rows that may
+    be the least there."""
+    change = radius * np.sum(np.abs(here.slopes[..., free]), axis=2)
+    lowest, highest = here.rows - change, here.rows + change
+    binds = np.flatnonzero(np.any(lowest < 0.0, axis=1))
+    needed = np.sum(lowest[binds] <= highest[binds].min(axis=1, keepdims=True, initial=np.inf), axis=1)
+    row = np.argsort(lowest[binds], axis=1)[:, : needed.max(initial=0)]
+    rows, slopes = (x[binds[:, None], row].astype(float) for x in (here.rows, here.slopes[..., free]))
+    return rows, slopes, here.weight[binds]
 
 
 def bent(curvature: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:

@@ -112,6 +112,7 @@ class Lab:
     chunk: int
     convention: Convention
     terms: EngineName = "legged"
+    rows: int = 128  # of each constraint that a model keeps: the more numbers move, the more rows may become the least
     counted: Span = (0.0, 1.0)  # shares of the lanes, from the cheapest on, that a search counts: see `gauss_newton.counts`
 
     @functools.cached_property
@@ -215,7 +216,7 @@ class Lab:
         def lane(vector, site, setting, reach):
             """The model of one lane."""
             choice = self.choose(vector, site, setting)
-            return linearised(lambda x: self.parts(x, site, choice, setting), vector, reach)
+            return linearised(lambda x: self.parts(x, site, choice, setting), vector, reach, self.rows)
 
         return over_lanes(lane, max(1, self.chunk // 2))
 

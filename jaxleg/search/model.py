@@ -12,7 +12,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-ROWS = 32  # of each constraint that are kept: those that may come lowest
 FREE = 1e6  # what stands in a row that is none
 
 
@@ -26,27 +25,30 @@ class Model(NamedTuple):
     slopes: Float[Array, "*lane constraint row parameter"]  # of the rows
 
 
-def linearised(parts: Callable[[Array], Any], vector: Float[Array, "parameter"], reach: Float[Array, "parameter"]) -> Model:
-    """The model of a lane's `parts` (score, cost, rows by constraint) where no number moves further than its `reach`."""
+def linearised(
+    parts: Callable[[Array], Any], vector: Float[Array, "parameter"], reach: Float[Array, "parameter"], most: int
+) -> Model:
+    """The model of a lane's `parts` (score, cost, rows by constraint) where no number moves further than its `reach`, with
+    `most` rows of each constraint."""
 
     def moving(x):
         seen = parts(x)
         return (seen.cost, seen.rows), seen
 
     (slope, slopes), seen = jax.jacfwd(moving, has_aux=True)(vector)
-    kept = [_lowest(rows, turned, reach) for rows, turned in zip(seen.rows, slopes)]
+    kept = [_lowest(rows, turned, reach, most) for rows, turned in zip(seen.rows, slopes)]
     rows, slopes = (jnp.stack(x) for x in zip(*kept))
     return Model(seen.score, seen.cost, slope, rows, slopes)
 
 
-def _lowest(rows, slopes, reach):
-    """The row that is lowest, and those of the others that may come lowest within the reach: `ROWS` in all."""
-    kept = min(ROWS, rows.shape[0])
+def _lowest(rows, slopes, reach, most):
+    """The row that is lowest, and those of the others that may come lowest within the reach: `most` in all."""
+    kept = min(most, rows.shape[0])
     may_be = rows - jnp.sum(jnp.abs(slopes) * reach[None], axis=1)
     first = jnp.isnan(may_be) | (rows == jnp.min(rows))  # what is no number is kept: such a lane cannot be judged
     known = jnp.where(first, -jnp.inf, may_be)
     index = jax.lax.top_k(-known, kept)[1]
     free = jnp.isposinf(rows[index])
     rows, slopes = jnp.where(free, FREE, rows[index]), jnp.where(free[:, None], 0.0, slopes[index])
-    missing = ROWS - kept
+    missing = most - kept
     return jnp.pad(rows, (0, missing), constant_values=FREE), jnp.pad(slopes, ((0, missing), (0, 0)))

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxleg.conventions import GRAVITY
-from jaxleg.gait.support import stability_margin
+from jaxleg.gait.support import edge_margins
 from jaxleg.leg.energy import Power
 from jaxleg.leg.kinematics import Reach
 from jaxleg.robot import Robot
@@ -30,7 +30,7 @@ class Needs(NamedTuple):
     """What constrains a plan at each of many instants, infinite where it is not used; `PlanChecks` tells the least of each."""
 
     knee_bend: Float[Array, "leg t"]  # [rad]
-    margin: Float[Array, "t"]  # of stability [m]
+    margin: Float[Array, "edge t"]  # of stability, to each edge of the support [m]
     torque: Float[Array, "leg joint t"]  # -|torque| over its limit
     load: Float[Array, "leg t"]  # vertical force of a standing foot over a quarter of the weight
     joint_room: Float[Array, "leg t"]  # distance of a leg's joints to the ends of their ranges [rad]
@@ -74,7 +74,7 @@ def over_phases(function: Callable[..., Instant], walk: Walk, phase: np.ndarray,
 def needs_at(robot: Robot, at: Instant, used: Bool[Array, "t"]) -> Needs:
     """Knee bend, stability margin and so on at sampled instants (last axis of `at`), those that are `used`."""
     loaded = at.weight > 0.01
-    margin = stability_margin(at.com[:2], at.feet[:, :2], loaded)
+    margin = edge_margins(at.com[:2], at.feet[:, :2], loaded)
     load = jnp.where(loaded, at.load, jnp.inf) / (0.25 * robot.mass * GRAVITY)
     needs = Needs(at.bend, margin, -jnp.abs(at.torque) / robot.torque_limit[..., None], load, at.room)
     return jax.tree.map(lambda x: jnp.where(jax.lax.broadcast_to_rank(used, x.ndim), x, jnp.inf), needs)

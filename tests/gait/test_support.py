@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial import ConvexHull
 
-from jaxleg.conventions import LEG_END, LEG_SIDE, LEGS
+from jaxleg.conventions import LEG_END, LEG_SIDE, LEGS, RING
 from jaxleg.gait import order
 from jaxleg.gait import support as gait
 
@@ -15,6 +15,7 @@ N = 30
 NOMINAL = np.stack([LEG_END, LEG_SIDE], axis=-1) * np.array([0.3, 0.2])
 incentre = jax.jit(gait.incentre)
 margin = jax.jit(gait.stability_margin)
+edge_margins = jax.jit(gait.edge_margins)
 
 
 def random_feet(rng):
@@ -41,6 +42,19 @@ def test_margin_is_the_distance_inside_the_hull(airborne):
         assert_allclose(ours, inside_all_sides(com, feet[loaded]), atol=1e-8)
         signs.add(bool(ours > 0))
     assert signs == {True, False}
+
+
+@pytest.mark.parametrize("airborne", [None, 0, 1, 2, 3])
+def test_each_loaded_foot_begins_one_edge_of_the_hull(airborne):
+    """Its distances are those to the hull's sides, one by one; a foot in the air has none."""
+    rng, loaded = np.random.default_rng(4), np.arange(4) != airborne
+    for _ in range(5):
+        feet = random_feet(rng)
+        com = feet.mean(axis=0) + rng.uniform(-0.25, 0.25, 2)
+        edges = np.asarray(edge_margins(jnp.array(com), jnp.array(feet), jnp.array(loaded)))
+        sides = ConvexHull(feet[loaded]).equations
+        np.testing.assert_array_equal(np.isfinite(edges), loaded[np.array(RING)])
+        assert_allclose(np.sort(edges[np.isfinite(edges)]), np.sort(-(sides[:, :2] @ com + sides[:, 2])), atol=1e-8)
 
 
 @pytest.mark.parametrize("pair", [(0, 3), (1, 2), (0, 1), (0, 2)])

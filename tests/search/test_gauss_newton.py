@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from jaxleg.search.convex import Problem, lowest
 from jaxleg.search.gauss_newton import FAILED, Descents, begin, bent, counts, judged, on_others
 from jaxleg.search.model import FREE, Model
 
@@ -117,6 +118,22 @@ def test_only_lanes_that_count_are_in_the_model():
         assert_allclose(seen.weight, alone.weight)
         assert_allclose(seen.rows, alone.rows)
     assert judged(lanes(at, shift=(0.0, 0.4), failed=(1,)), np.ones(3), (0.0, 0.5)).value == cheaper.value
+
+
+def test_rows_that_cannot_be_the_least_are_left_out_without_changing_a_step():
+    """Constraints of 300 rows by six numbers, some out of reach: the step is the lowest point of the model with all of them."""
+    rng, box = np.random.default_rng(5), np.tile([0.0, 1.0], (1, 6, 1))
+    for _ in range(4):
+        rows, slopes = rng.normal(1.5, 0.6, (1, 8, 300)), rng.normal(size=(1, 8, 300, 6))
+        rows[0, 6:] += 50.0
+        slope = rng.normal(size=(1, 6))
+        descents = Descents(begin(np.full((1, 6), 0.5)), box)
+        descents.ask()
+        descents.tell({0: judged(Model(None, np.zeros(1), slope, rows, slopes), np.ones(6))})
+        descents.runs.radius[0] = 0.1
+        step = descents.ask()[0] - 0.5
+        everything = Problem(slope[0], descents.runs.curvature[0], rows[0], slopes[0], np.ones(8))
+        assert_allclose(step, lowest(everything, np.full(6, -0.1), np.full(6, 0.1)), atol=1e-5)
 
 
 def test_a_step_that_costs_is_not_taken_and_the_next_is_shorter():

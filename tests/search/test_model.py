@@ -8,7 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.testing import assert_allclose
 
-from jaxleg.search.model import FREE, ROWS, linearised
+from jaxleg.search.model import FREE, linearised
+
+ROWS = 32
 
 
 class Parts(NamedTuple):
@@ -25,7 +27,7 @@ def parts(x):
 
 
 def model(at, reach):
-    return jax.jit(lambda x, r: linearised(parts, x, r))(jnp.asarray(at), jnp.asarray(reach))
+    return jax.jit(lambda x, r: linearised(parts, x, r, ROWS))(jnp.asarray(at), jnp.asarray(reach))
 
 
 def test_cost_and_rows_are_straight_lines_at_the_vector():
@@ -54,7 +56,7 @@ def test_the_lowest_row_is_kept_however_many_others_may_come_lower():
         rows = jnp.ones(61) + jnp.where(jnp.arange(61) == 33, -3.0, 5.0 * x[0])
         return Parts(x[0], x[0], (rows,))
 
-    seen = jax.jit(lambda x, r: linearised(crowded, x, r))(jnp.zeros(1), jnp.array([10.0]))
+    seen = jax.jit(lambda x, r: linearised(crowded, x, r, ROWS))(jnp.zeros(1), jnp.array([10.0]))
     assert np.min(seen.rows) == -2.0
 
 
@@ -73,6 +75,6 @@ def test_a_row_that_is_no_number_is_not_taken_for_one_that_binds_nothing():
         seen = parts(x)
         return seen._replace(rows=(seen.rows[0].at[20].set(jnp.nan), seen.rows[1]))
 
-    seen = jax.jit(lambda x, r: linearised(broken, x, r))(jnp.array([0.2, -1.0]), jnp.array([0.1, 0.1]))
+    seen = jax.jit(lambda x, r: linearised(broken, x, r, ROWS))(jnp.array([0.2, -1.0]), jnp.array([0.1, 0.1]))
     assert np.isnan(seen.rows[0]).sum() == 1
     assert not np.isnan(seen.rows[1]).any()
