@@ -189,7 +189,7 @@ def draw(task: Task, labs: dict[str, FreeLab], vectors: dict[str, np.ndarray], p
 
 def trunk_of(lab: Lab, lanes: Lanes, vector: np.ndarray) -> tuple[np.ndarray, ...]:
     """The trunk's way on the first terrain: x, y, z [m] and roll [rad]."""
-    site, setting = (jax.tree.map(lambda x: x[0], tree) for tree in lanes)
+    site, setting = (jax.tree.map(lambda x: x[0], tree) for tree in lanes[:2])
 
     @jax.jit
     def way(vector):
