@@ -110,13 +110,19 @@ METHODS = {"ours": ours, "cmaes_proxy": cmaes_proxy, "cmaes_mujoco": cmaes_mujoc
 
 def evolve(study: Study, kind: str, seed: int, objective: Objective, tell: Tell) -> None:
     """CMA-ES within the bounds, from the paper's own gait, until `tell` has enough."""
-    low, high = bounds(study, kind, "best").T
-    mean = np.clip((baseline(study, kind, "paper") - low) / (high - low), 0.05, 0.95)
-    box = np.tile([0.0, 1.0], (len(low), 1))
-    search = CMA(mean=mean, sigma=SIGMA, bounds=box, seed=seed + 1, population_size=POPULATION)
+    evolve_in(bounds(study, kind, "best"), baseline(study, kind, "paper"), (SIGMA, POPULATION, seed), objective, tell)
+
+
+def evolve_in(box: np.ndarray, start: np.ndarray, how: tuple[float, int | None, int], objective: Objective, tell: Tell) -> None:
+    """CMA-ES in a box (number, 2) from a vector; `how` its width in those of the box, its population (None: the library's
+    own) and its seed."""
+    (low, high), (sigma, population, seed) = box.T, how
+    mean = np.clip((start - low) / (high - low), 0.05, 0.95)
+    inside = np.tile([0.0, 1.0], (len(low), 1))
+    search = CMA(mean=mean, sigma=sigma, bounds=inside, seed=seed + 1, population_size=population)
     best = np.inf
     while not search.should_stop():
-        asked = [search.ask() for _ in range(POPULATION)]
+        asked = [search.ask() for _ in range(search.population_size)]
         values = objective(low + (high - low) * np.stack(asked))
         search.tell(list(zip(asked, values.tolist())))
         better = values.min() < best
