@@ -59,6 +59,13 @@ def test_a_fallen_or_infeasible_lane_leaves_the_pair_for_both():
     assert row == {"mean": 0.5, "ci95": None}  # a single pair has no interval
 
 
+@pytest.mark.parametrize("convention", [0, 1, 2])
+def test_a_lane_without_a_number_under_one_convention_counts_under_none(convention):
+    held = contest([[100.0, 100.0], [50.0, 50.0]])
+    held.energy[1, 0, convention] = np.nan
+    assert held.usable.tolist() == [[True, True], [False, True]]
+
+
 def test_no_pairs_is_null_not_zero():
     held = contest([[1.0], [1.0], [1.0]], infeasible=[[True], [False], [False]])
     assert savings(held, NAMES, "traditional", 100, 0)["best"]["net"] == {"mean": None, "ci95": None}
