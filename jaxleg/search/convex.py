@@ -7,6 +7,7 @@ at the box (Boyd & Vandenberghe, Convex Optimization, chapter 11), mu falling to
 of tens of numbers that single precision would not solve.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,23 +19,29 @@ FALL = 0.2  # of the weight from one round to the next
 NEWTONS = 12  # most steps a round
 
 
+class Corners(NamedTuple):
+    """Constraints with as many rows each."""
+
+    rows: np.ndarray  # (constraint, row): what is left to each constraint is the least row
+    slopes: np.ndarray  # (constraint, row, number)
+    weight: np.ndarray  # (constraint,) of each one's penalty
+
+
 class Problem(NamedTuple):
     """A convex model of the objective over a step d."""
 
     slope: np.ndarray  # (number,)
     curvature: np.ndarray  # (number, number), positive definite
-    rows: np.ndarray  # (constraint, row): what is left to each constraint is the least row
-    slopes: np.ndarray  # (constraint, row, number)
-    weight: np.ndarray  # (constraint,) of each one's penalty
+    corners: Sequence[Corners]
 
     def value(self, step: np.ndarray) -> float:
         """The model's change by a step, exactly."""
         return self._value(step) - self._value(np.zeros_like(step))
 
     def _value(self, step):
-        least = np.min(self.rows + self.slopes @ step, axis=1, initial=np.inf)
-        fines = fine(np.maximum(-least, 0.0))
-        return self.slope @ step + 0.5 * step @ self.curvature @ step + self.weight @ fines
+        least = [np.min(some.rows + some.slopes @ step, axis=1) for some in self.corners]
+        fines = sum(some.weight @ fine(np.maximum(-low, 0.0)) for some, low in zip(self.corners, least))
+        return self.slope @ step + 0.5 * step @ self.curvature @ step + fines
 
 
 def lowest(problem: Problem, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -74,15 +81,15 @@ def _rounded(problem, low, high, step, weight):
     value = problem.slope @ step + 0.5 * step @ problem.curvature @ step - weight * np.sum(np.log(below * above))
     slope = problem.slope + problem.curvature @ step + weight * (1.0 / above - 1.0 / below)
     curvature = problem.curvature + np.diag(weight * (1.0 / above**2 + 1.0 / below**2))
-    if not len(problem.rows):
-        return value, slope, curvature
-    fines, by_step, bent = _rounded_fines(problem, step, max(3.0 * weight, 1e-4))
-    return value + fines, slope + by_step, curvature + bent
+    for some in problem.corners:
+        fines, by_step, bent = _rounded_fines(some, step, max(3.0 * weight, 1e-4))
+        value, slope, curvature = value + fines, slope + by_step, curvature + bent
+    return value, slope, curvature
 
 
-def _rounded_fines(problem, step, radius):
-    """All penalties with their corners rounded, their slope and curvature."""
-    rows = problem.rows + problem.slopes @ step
+def _rounded_fines(corners, step, radius):
+    """The penalties of some constraints with their corners rounded, their slope and curvature."""
+    rows = corners.rows + corners.slopes @ step
     least = rows.min(axis=1, keepdims=True)
     share = np.exp((least - rows) / radius)
     total = share.sum(axis=1, keepdims=True)
@@ -90,10 +97,10 @@ def _rounded_fines(problem, step, radius):
     lack = radius * np.log(total[:, 0]) - least[:, 0]
     root = np.hypot(lack, radius)
     lack, turn, bend = 0.5 * (lack + root), 0.5 * (1.0 + lack / root), 0.5 * radius**2 / root**3  # max(0, lack), rounded
-    first, second = (problem.weight * x for x in fine_slopes(lack))
-    way = -np.einsum("ck,ckn->cn", share, problem.slopes)
+    first, second = (corners.weight * x for x in fine_slopes(lack))
+    way = -np.einsum("ck,ckn->cn", share, corners.slopes)
     along, sharp = first * turn, first * turn / radius
-    flat = problem.slopes.reshape(-1, len(step))
+    flat = corners.slopes.reshape(-1, len(step))
     bent = flat.T @ ((sharp[:, None] * share).reshape(-1, 1) * flat)
     bent += way.T @ ((second * turn**2 + first * bend - sharp)[:, None] * way)
-    return problem.weight @ fine(lack), along @ way, bent
+    return corners.weight @ fine(lack), along @ way, bent

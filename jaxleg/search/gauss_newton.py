@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from jaxleg.search.config import Span
-from jaxleg.search.convex import Problem, lowest
+from jaxleg.search.convex import Corners, Problem, lowest
 from jaxleg.search.model import Model
 from jaxleg.search.penalty import fine
 
@@ -131,7 +131,7 @@ class Descents:
         free = high > low
         if not free.any():
             return at, 0.0
-        problem = Problem(here.slope[free], self.runs.curvature[run][np.ix_(free, free)], *_binding(here, free, radius))
+        problem = Problem(here.slope[free], self.runs.curvature[run][np.ix_(free, free)], _binding(here, free, radius))
         step = np.zeros_like(at)
         step[free] = lowest(problem, np.minimum(low[free], 0.0), np.maximum(high[free], 0.0))
         return np.clip(at + step, *self.box[run].T), -problem.value(step[free])
@@ -150,16 +150,21 @@ class Descents:
             runs.radius[run] = 0.4 * min(runs.radius[run], length)
 
 
-def _binding(here: Judged, free: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows, slopes by the free numbers and weight of the constraints that may bind within the radius; of each its rows that may
-    be the least there."""
+def _binding(here: Judged, free: np.ndarray, radius: float) -> list[Corners]:
+    """The constraints that may bind within the radius, of each its rows that may be the least there (or a few more, so that
+    there are few groups), by the free numbers."""
     change = radius * np.sum(np.abs(here.slopes[..., free]), axis=2)
     lowest, highest = here.rows - change, here.rows + change
     binds = np.flatnonzero(np.any(lowest < 0.0, axis=1))
     needed = np.sum(lowest[binds] <= highest[binds].min(axis=1, keepdims=True, initial=np.inf), axis=1)
-    row = np.argsort(lowest[binds], axis=1)[:, : needed.max(initial=0)]
-    rows, slopes = (x[binds[:, None], row].astype(float) for x in (here.rows, here.slopes[..., free]))
-    return rows, slopes, here.weight[binds]
+    groups, slopes = np.ceil(np.log2(needed)).astype(int), here.slopes[..., free]
+    corners = []
+    for group in np.unique(groups):
+        which = binds[groups == group]
+        row = np.argsort(lowest[which], axis=1)[:, : 2**group]
+        rows = (x[which[:, None], row].astype(float) for x in (here.rows, slopes))
+        corners.append(Corners(*rows, here.weight[which]))
+    return corners
 
 
 def bent(curvature: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:

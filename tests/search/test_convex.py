@@ -5,22 +5,22 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import approx_fprime, minimize
 
-from jaxleg.search.convex import Problem, _rounded, lowest
+from jaxleg.search.convex import Corners, Problem, _rounded, lowest
 from jaxleg.search.penalty import fine, fine_slopes
-
-NOTHING = np.zeros((0, 1)), np.zeros((0, 1, 3))
 
 
 def drawn(seed, numbers=3, constraints=4, rows=6):
     rng = np.random.default_rng(seed)
     root = rng.standard_normal((numbers, numbers))
-    return Problem(
-        slope=rng.standard_normal(numbers),
-        curvature=root @ root.T + 0.1 * np.eye(numbers),
-        rows=rng.uniform(-0.2, 1.0, (constraints, rows)),
-        slopes=3.0 * rng.standard_normal((constraints, rows, numbers)),
-        weight=rng.uniform(0.1, 0.9, constraints),
-    )
+    corners = [
+        Corners(
+            rows=rng.uniform(-0.2, 1.0, (count, each)),
+            slopes=3.0 * rng.standard_normal((count, each, numbers)),
+            weight=rng.uniform(0.1, 0.9, count),
+        )
+        for count, each in ((constraints - 1, rows), (1, 2))
+    ]
+    return Problem(rng.standard_normal(numbers), root @ root.T + 0.1 * np.eye(numbers), corners)
 
 
 def test_a_fine_and_its_slopes():
@@ -35,7 +35,7 @@ def test_a_fine_and_its_slopes():
 
 def test_without_constraints_it_is_newtons_step_or_the_boxes_side():
     curvature = np.diag([2.0, 4.0, 1.0])
-    problem = Problem(np.array([-1.0, 2.0, -8.0]), curvature, *NOTHING, np.zeros(0))
+    problem = Problem(np.array([-1.0, 2.0, -8.0]), curvature, ())
     step = lowest(problem, np.full(3, -1.0), np.full(3, 1.0))
     assert_allclose(step, [0.5, -0.5, 1.0], atol=1e-5)
     assert problem.value(step) == pytest.approx(-0.25 - 0.5 - 7.5, abs=1e-4)
@@ -44,7 +44,7 @@ def test_without_constraints_it_is_newtons_step_or_the_boxes_side():
 def test_in_a_valley_with_a_sharp_bottom_it_finds_the_corner():
     """Two walls that meet at d = 0.3 and cost far more than the way down saves; a gradient would see one of them."""
     rows, slopes = np.array([[0.3, 1e6]]), np.array([[[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]]) * 1e3
-    problem = Problem(np.array([-1.0, 0.0, 0.0]), 1e-3 * np.eye(3), 1e3 * rows, slopes, np.ones(1))
+    problem = Problem(np.array([-1.0, 0.0, 0.0]), 1e-3 * np.eye(3), [Corners(1e3 * rows, slopes, np.ones(1))])
     step = lowest(problem, np.full(3, -1.0), np.full(3, 1.0))
     assert_allclose(step[0], 0.3, atol=1e-3)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from jaxleg.search.convex import Problem, lowest
+from jaxleg.search.convex import Corners, Problem, lowest
 from jaxleg.search.gauss_newton import FAILED, Descents, begin, bent, counts, judged, on_others
 from jaxleg.search.model import FREE, Model
 
@@ -132,7 +132,7 @@ def test_rows_that_cannot_be_the_least_are_left_out_without_changing_a_step():
         descents.tell({0: judged(Model(None, np.zeros(1), slope, rows, slopes), np.ones(6))})
         descents.runs.radius[0] = 0.1
         step = descents.ask()[0] - 0.5
-        everything = Problem(slope[0], descents.runs.curvature[0], rows[0], slopes[0], np.ones(8))
+        everything = Problem(slope[0], descents.runs.curvature[0], [Corners(rows[0], slopes[0], np.ones(8))])
         assert_allclose(step, lowest(everything, np.full(6, -0.1), np.full(6, 0.1)), atol=1e-5)
 
 
