@@ -68,7 +68,7 @@ def test_ends_that_cannot_be_used(config, map_file, capsys, ends, words):
     ("options", "words"),
     [
         (dict(elevation=np.zeros((20, 12))), ["0.76 x 0.44 m", "0.8"]),
-        (dict(resolution=0.05), ["0.05", "foot", "0.04"]),
+        (dict(resolution=0.05), ["map.npz: resolution is 0.05 m", "foot", "0.04"]),
         (dict(elevation=np.full((80, 40), np.nan)), ["NaN in all"]),
         (dict(elevation=np.zeros(5)), ["elevation", "2 dimensions"]),
         (dict(resolution=-1.0), ["resolution", "-1"]),
@@ -90,6 +90,7 @@ def test_maps_that_cannot_be_used(config, map_file, capsys, options, words):
         ("[navigation.cost]\nbody_weights = [1.0, 1.0, 0.0]\n", ["body_weights", "sum to 1"]),
         ("[navigation.cost]\nlambda_body = 0.9\n", ["lambda_body and lambda_feet", "sum to 1"]),
         ("[navigation.cost.foot_weights]\nLF = [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n", ["LF", "weights sum to 2"]),
+        ("[navigation.pace]\nshift_samples = 100\n", ["shift_samples is 100", "0.0012 s apart in least_shift", "0.0025 s"]),
         ("[navigation.tree]\norder = 'cheapest'\n", ["navigation.tree.order", "cheapest", "paper"]),
         ("[navigation.tree]\ndept = 3\n", ["navigation.tree.dept", "did you mean navigation.tree.depth"]),
     ],
@@ -176,10 +177,10 @@ def test_a_kind_is_made_with_configs_settings():
     """By its name in CONFIG or its generator's; steps of 0.12 m, not the 0.08 m that nobody asked for."""
     study = Study(kinds={"flat": Kind(), "steep": Kind("stairs", rise=0.24, run=0.5)})
     for name in ("steep", "stairs"):
-        elevation = np.asarray(find_terrain(study, name, 0.5).terrain.elevation)
+        elevation = np.asarray(find_terrain(study, name, 0.5, 0.04).terrain.elevation)
         np.testing.assert_allclose(np.unique(np.diff(elevation[:, 0]).round(6)), [0.0, 0.12], atol=1e-6)
     lumps = Study(kinds={"lumps": Kind("cuboids", cuboid=1.0, cuboid_height=0.3)})
-    assert 0.15 < np.abs(np.asarray(find_terrain(lumps, "cuboids", 1.0).terrain.elevation)).max() <= 0.3
+    assert 0.15 < np.abs(np.asarray(find_terrain(lumps, "cuboids", 1.0, 0.04).terrain.elevation)).max() <= 0.3
 
 
 def test_an_own_generator_is_a_kind(monkeypatch, config, tmp_path):
@@ -204,6 +205,11 @@ def test_what_is_not_used_of_a_gait_is_said():
     (note,) = notes(Study(kinds={"c": Kind(leaves={"posture.cog.ratio": 0.4, "swing.clearance": 0.03})}), "c")
     assert "kinds.c.leaves, paper C's planner has its own: posture.cog.ratio 0.4" in note
     assert "clearance" not in note
+
+
+def test_a_knee_bend_that_is_not_used_is_said():
+    (note,) = notes(Study(kinds={"steep": Kind(least_knee_bend_deg=35.0)}), "steep")
+    assert "kinds.steep.settings, navigation.pose.least_knee_bend_deg is 20: least_knee_bend_deg 35" in note
 
 
 class Walk:

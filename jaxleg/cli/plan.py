@@ -10,7 +10,7 @@ from jaxleg.cli.options import check_outputs, first, needed, numbers, take
 from jaxleg.cli.study import NO_CONFIG, read_study
 from jaxleg.conventions import InputError
 
-CELLS, CELL = (200, 100), 0.04  # of a map that is made here [m]
+CELLS = (200, 100)  # of a map that is made here, each as wide as a foot
 NEEDLESS = ("foot_offset", "skew", "shift_share", "hind_share", "lift_share")  # of a gait: paper C's planner has none
 
 
@@ -51,9 +51,9 @@ def read(rest: list[str]) -> Task:
         raise InputError(f"command line: --difficulty is {difficulty:g}, but must be from 0 to 1")
     study, file, robot = read_study(first(rest, NO_CONFIG), rest, "jaxleg plan CONFIG")
     kind = gait_kind(study, name[0] if name else None, source)
-    ground = find_terrain(study, source, difficulty)
+    ground = find_terrain(study, source, difficulty, float(f"{2.0 * float(robot.foot_radius):.6g}"))
     ends = {name: xy - ground.datum[:2] for name, xy in ends.items()}
-    check_map_and_ends(ground, robot, study.kinds[kind].gait, ends)
+    check_map_and_ends(source, ground, robot, study.kinds[kind].gait, ends)
     plan_path, picture = Path(out[0] if out else "runs/plan.npz"), Path(figure[0]) if figure else None
     check_outputs({"--out": plan_path, "--figure": picture}, {"--figure": ".png"})
     return Task(study, file, robot, kind, ground, ends, plan_path, picture)
@@ -71,8 +71,8 @@ def alike(study: Any, terrain: str) -> list[str]:
     return [terrain] if terrain in study.kinds else [k for k, table in study.kinds.items() if table.generator == terrain]
 
 
-def find_terrain(study: Any, source: str, difficulty: float) -> Any:
-    """The map of a file, or one of a kind of terrain, made with the kind's settings in CONFIG."""
+def find_terrain(study: Any, source: str, difficulty: float, cell: float) -> Any:
+    """The map of a file, or one of a kind of terrain, made with the kind's settings in CONFIG and cells so wide [m]."""
     import jax
 
     from jaxleg.search.config import Kind
@@ -83,7 +83,7 @@ def find_terrain(study: Any, source: str, difficulty: float) -> Any:
     known = alike(study, source)
     if known or source in KINDS:
         table = study.kinds[known[0]] if known else Kind(source)
-        grid = Grid(*CELLS, CELL, (0.5 * CELL, 0.5 * CELL))
+        grid = Grid(*CELLS, cell, (0.5 * cell, 0.5 * cell))
         ground = terrain(table.generator, grid, jax.random.key(study.seed), difficulty, terrain_settings(table))
         return MapFile(ground, np.zeros(3))
     if not source.endswith(".npz"):
@@ -92,17 +92,18 @@ def find_terrain(study: Any, source: str, difficulty: float) -> Any:
     return load_map(source)
 
 
-def check_map_and_ends(ground: Any, robot: Any, gait: Any, ends: dict[str, np.ndarray]) -> None:
-    """Raises `InputError` for a map that this robot cannot be planned on, and for ends that are not on it."""
+def check_map_and_ends(source: str, ground: Any, robot: Any, gait: Any, ends: dict[str, np.ndarray]) -> None:
+    """Raises `InputError` for a map (from `source`) that this robot cannot be planned on, and for ends that are not on it."""
     terrain, datum = ground.terrain, ground.datum[:2]
     resolution, origin = float(terrain.resolution), np.asarray(terrain.origin)
     last = origin + resolution * (np.array(terrain.elevation.shape) - 1)
     if resolution > 2.0 * float(robot.foot_radius) + 1e-6:
-        raise InputError(f"the map's cells are {resolution:g} m, but the foot is {2.0 * float(robot.foot_radius):g} m wide")
+        wide = 2.0 * float(robot.foot_radius)
+        raise InputError(f"{source}: resolution is {resolution:g} m, but must be at most the foot's width, {wide:g} m")
     needs = max(gait.stance_length, float(robot.trunk_size[0]))
     if min(last - origin) < needs:
         size = " x ".join(f"{x:.2f}" for x in last - origin)
-        raise InputError(f"the map is {size} m, but the robot needs {needs:g} m either way to stand on it")
+        raise InputError(f"{source}: the map is {size} m, but the robot needs {needs:g} m either way to stand on it")
     for name, xy in ends.items():
         where = f"--{name} {xy[0] + datum[0]:.10g} {xy[1] + datum[1]:.10g}"
         if np.any((xy < origin - 0.5 * resolution) | (xy > last + 0.5 * resolution)):
@@ -114,10 +115,12 @@ def check_map_and_ends(ground: Any, robot: Any, gait: Any, ends: dict[str, np.nd
 
 
 def notes(study: Any, kind: str) -> list[str]:
-    """What of CONFIG this planner does not use, though it was set."""
-    gait, leaves = study.kinds[kind].gait, study.kinds[kind].leaves
+    """What of CONFIG's kind this planner does not use, though it was set."""
+    gait, leaves, bend = study.kinds[kind].gait, study.kinds[kind].leaves, study.kinds[kind].least_knee_bend_deg
     default = {field.name: field.default for field in dataclasses.fields(gait)}
+    own = study.navigation.pose.least_knee_bend_deg
     unused = {
+        f"settings, navigation.pose.least_knee_bend_deg is {own:g}": {"least_knee_bend_deg": bend} if bend != own else {},
         "gait, paper C's planner has no such number": {n: getattr(gait, n) for n in NEEDLESS if getattr(gait, n) != default[n]},
         "leaves, paper C's planner has its own": {n: x for n, x in leaves.items() if not n.startswith("swing.")},
     }

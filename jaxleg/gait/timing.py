@@ -1,7 +1,7 @@
 """How long each phase of a walk takes: by a speed of travel (paper A), or by what trunk and feet may do (ours, for paper C).
 
-A filling is a pytree with `durations(gait, load_share, moves, legs, way)`: the seconds of every phase, from what moves in it,
-the leg that swings in it (or `SHIFT`; static), and the way of the whole walk [m].
+A filling is a pytree with `durations(gait, load_share, moves, legs, used, way)`: the seconds of every phase, from what moves in
+it, the leg that swings in it (or `SHIFT`; static), whether it is a phase of the walk, and the way of the whole walk [m].
 """
 
 import jax
@@ -26,20 +26,16 @@ class BySpeed:
 
     speed: Float[Array, "*batch"]  # mean speed over the walk [m/s]
 
-    def durations(self, gait: GaitParams, load_share, moves: Moves, legs: tuple[int, ...], way) -> Float[Array, "phase"]:
+    def durations(self, gait: GaitParams, load_share, moves: Moves, legs: tuple[int, ...], used, way) -> Float[Array, "phase"]:
         """The way at the speed, in equal half cycles."""
         del load_share, moves
-        shifts, halves = _halves(legs)
+        swings = sum(leg != SHIFT for leg in legs)
+        shifts = round(2 * (len(legs) - swings) / swings)  # of a half cycle: two swings each
         swing = 1.0 - gait.shift_share
         share = {SHIFT: gait.shift_share / shifts, 0: swing * (1.0 - gait.hind_share), 1: swing * gait.hind_share}
         each = jnp.stack([share[leg if leg == SHIFT else int(leg >= 2)] for leg in legs])
+        halves = jnp.maximum(jnp.sum(jnp.where(used, each, 0.0)), jnp.min(each))  # of no phase the way is 0
         return each * (way / halves / self.speed)
-
-
-def _halves(legs: tuple[int, ...]) -> tuple[int, float]:
-    """Body shifts in a half cycle, and half cycles of a walk: two swings each."""
-    swings = sum(leg != SHIFT for leg in legs)
-    return round(2 * (len(legs) - swings) / swings), swings / 2
 
 
 @pytree
@@ -52,9 +48,9 @@ class ByAcceleration:
     foot_speed: Float[Array, "*batch"]  # most of a swinging foot [m/s]
     least_swing: Float[Array, "*batch"]  # [s]
 
-    def durations(self, gait: GaitParams, load_share, moves: Moves, legs: tuple[int, ...], way) -> Float[Array, "phase"]:
+    def durations(self, gait: GaitParams, load_share, moves: Moves, legs: tuple[int, ...], used, way) -> Float[Array, "phase"]:
         """Phase by phase."""
-        del gait, way
+        del gait, used, way
         leg = np.array(legs)
         shift, swing = np.flatnonzero(leg == SHIFT), np.flatnonzero(leg != SHIFT)
         time = jnp.zeros(len(legs), moves.trunk_from.dtype)

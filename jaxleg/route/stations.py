@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxleg.gait.params import GaitParams
+from jaxleg.numerics import norm_safe
 from jaxleg.pytree import pytree
 from jaxleg.rotations import turned
 
@@ -43,7 +44,7 @@ def smoothed(
     """
     last = length - 1
     points = jnp.where((jnp.arange(points.shape[0], dtype=last.dtype) <= last)[:, None], points, points[last])
-    steps = jnp.linalg.norm(jnp.diff(points, axis=0), axis=1)
+    steps = norm_safe(jnp.diff(points, axis=0))
     along = jnp.concatenate([jnp.zeros(1, points.dtype), jnp.cumsum(steps)])
     total = along[-1]
     way = jnp.minimum(spacing * jnp.arange(samples, dtype=spacing.dtype), total)

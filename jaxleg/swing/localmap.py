@@ -68,11 +68,13 @@ def with_felt_error(local: LocalMap, at: Float[Array, "2"], reach: Float[ArrayLi
 
 
 def widened(local: LocalMap, distance: Float[ArrayLike, ""], window: int) -> Float[Array, "point"]:
-    """Least height at each point that keeps `distance` from the map's points, at most `window` of them to either side."""
+    """Least height at each point that keeps `distance` from the map's points, at most `window` of them to either side; those
+    unseen ask for none, -inf where there are no others."""
     offset = jnp.arange(-window, window + 1, dtype=local.spacing.dtype) * local.spacing
     rise = distance**2 - offset**2
     lift = jnp.where(rise >= 0.0, sqrt_safe(jnp.asarray(rise)), -jnp.inf)
-    near = jnp.pad(local.ground, window, constant_values=-jnp.inf)
+    seen = jnp.where(jnp.isnan(local.ground), -jnp.inf, local.ground)
+    near = jnp.pad(seen, window, constant_values=-jnp.inf)
     shifted = [jax.lax.slice_in_dim(near, k, k + local.ground.shape[0]) for k in range(2 * window + 1)]
     return jnp.max(jnp.stack(shifted) + lift[:, None], axis=0)
 

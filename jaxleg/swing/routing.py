@@ -40,7 +40,8 @@ def taut_string(view: View) -> Route:
     A hull's edge into a point comes from the point to which its slope is least, so one pass has the lengths to all landings.
     """
     parent, length = _hull(view)
-    cost = length + (view.wide - view.ground) + view.cost
+    can = jnp.isfinite(view.cost)
+    cost = jnp.where(can, length + (view.wide - view.ground) + view.cost, jnp.inf)
     landing = jnp.argmin(cost)
     corner = _between(view, _marked(view, parent, landing))
     return _route(view, corner, landing, jnp.isfinite(cost[landing]))
@@ -93,7 +94,7 @@ def potential(view: View, point: Float[Array, "2"], goal: Float[Array, "2"]) -> 
 
 def clearance_of(view: View, point: Float[Array, "2"]) -> Float[Array, ""]:
     """Distance to the points of the map nearby and to the preset obstacle, negative within one of them."""
-    spacing = view.x[1] - view.x[0]
+    spacing = view.x[-1] - view.x[-2]  # `first` alone stands off the grid
     index = jnp.floor((jax.lax.stop_gradient(point[0]) - view.x[0]) / spacing).astype(jnp.int32) - WINDOW
     index = jnp.clip(index, 0, view.x.shape[0] - 2 * WINDOW - 2)
     corner = jax.lax.dynamic_slice_in_dim(jnp.stack([view.x, view.ground], -1), index, 2 * WINDOW + 2)

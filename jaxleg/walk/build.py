@@ -43,7 +43,8 @@ def build_walk(planner: Planner, robot: Robot, site: Site, stations: Stations, c
     moves = _moves(planner, robot, site, shape, _Course(feet, poses, choices.count))
     legs, way = tuple(shape.leg.tolist()), _way(planner, stations, poses, choices.count)
     moves, poses, lowering = lowered(planner, robot, shape, moves, poses)
-    duration = planner.timing.durations(planner.gait, planner.swing.load_share, moves, legs, way)
+    used = jnp.asarray(shape.step - (shape.leg == SHIFT), jnp.int32) < choices.count
+    duration = planner.timing.durations(planner.gait, planner.swing.load_share, moves, legs, used, way)
     return Walk(
         gait=planner.gait,
         footholds=footholds,
@@ -54,7 +55,7 @@ def build_walk(planner: Planner, robot: Robot, site: Site, stations: Stations, c
         way=way,
         lowering=lowering,
         phases=Phases(jnp.cumsum(duration) - duration, duration, *moves),
-        used=jnp.asarray(shape.step - (shape.leg == SHIFT), jnp.int32) < choices.count,
+        used=used,
         load_share=planner.swing.load_share,
         status=choices.status,
         legs=legs,

@@ -77,6 +77,15 @@ class PaceSettings:
     swing_samples: int = setting(24, min=4, max=1000, help="reference samples a swing")
     tick: float = setting(0.0025, min=0.0005, max=0.004, unit="s", help="step of the simulation")
 
+    def __post_init__(self) -> None:
+        for least, samples in (("least_shift", "shift_samples"), ("least_swing", "swing_samples")):
+            apart = getattr(self, least) / getattr(self, samples)
+            if apart < self.tick:
+                raise ValueError(
+                    f"{samples} is {getattr(self, samples)}, {apart:.3g} s apart in {least}, but they must be at least a tick,"
+                    f" {self.tick:g} s, apart"
+                )
+
 
 @dataclasses.dataclass(frozen=True)
 class FootingSettings:

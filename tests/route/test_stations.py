@@ -43,6 +43,20 @@ def test_a_straight_path_stays_what_it_is():
     np.testing.assert_allclose(np.diff(found.xy[:40, 0]), 0.1, atol=1e-6)
 
 
+def test_a_path_that_repeats_its_end_has_gradients():
+    """Every path is filled up by its end."""
+    points, length = corner(np.deg2rad(30.0), 20)
+
+    @jax.jit
+    def slopes(points):
+        total = lambda p: jnp.sum(smooth(p, jnp.array(length), jnp.array(0.02), jnp.array(0.5), 50).xy)  # noqa: E731
+        return jax.grad(total)(points), jax.jvp(total, (points,), (jnp.ones_like(points),))[1]
+
+    reverse, forward = slopes(jnp.asarray(points))
+    assert np.all(np.isfinite(reverse))
+    np.testing.assert_allclose(np.sum(reverse), forward, rtol=1e-9)
+
+
 @pytest.mark.parametrize("degrees", [45.0, 90.0, 135.0])
 def test_corners_are_rounded_and_turned_by_bounded_steps(degrees):
     points, length = corner(np.deg2rad(degrees))

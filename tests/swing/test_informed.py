@@ -211,6 +211,32 @@ def test_unseen_ground_gives_no_route():
         assert not route.found
 
 
+@pytest.mark.parametrize("unseen", [slice(192, None), slice(0, 8), slice(200, 201)])
+def test_what_is_not_seen_behind_or_beyond_leaves_the_route_as_it_is(unseen):
+    """The map goes from -0.5 to 9.5, landings up to 9."""
+    local = jax.device_get(map_of(np.array([3.0, 3.5, 4.1, *LEVEL[3:]])))
+    part = local._replace(ground=local.ground.copy())
+    part.ground[unseen] = np.nan
+    for planner in (shortest(), cautious()):
+        whole, seen = (plan(printed(), planner, STEP, ground, ABOVE, True) for ground in (local, part))
+        assert whole.found
+        assert seen.found
+        np.testing.assert_allclose(seen.corner, whole.corner, atol=1e-9)
+
+
+def test_the_fields_clearance_is_the_same_wherever_a_route_begins_in_a_cell():
+    """Also in the map's first, whose point then stands for the beginning."""
+    wall = sampled(natural_spline(LEVEL), 0.0, 10.0, 201)
+    wall = wall._replace(ground=wall.ground.at[100:104].set(4.0))
+    near = [np.array([4.8, 3.6]), np.array([6.0, 3.3])]
+    found = []
+    for x in (0.0, 0.045, 0.545):
+        seen = view(printed(), as_printed(), STEP, wall, np.array([x, 3.0 + 1e-6]), False)
+        found.append(clearances(seen, np.stack(near)))
+    np.testing.assert_allclose(found, np.broadcast_to(found[0], (3, 2)), atol=1e-9)
+    assert np.all(np.asarray(found) > 0.0)
+
+
 def test_no_route_leads_over_ground_above_the_map():
     local = jax.device_get(map_of(LEVEL))
     cell = np.arange(201)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 
 from jaxleg.conventions import InputError
 from jaxleg.robot import Robot
+from jaxleg.robot.file import Motor, RobotFile, build_robot
+from jaxleg.settings import load
 from jaxleg.terrain.files import load_map
 from jaxleg.walk.plan_check import LAYOUTS, ROBOT
 from jaxleg.walk.plan_file import load_plan
@@ -73,6 +76,18 @@ def test_only_the_valid_samples_are_used(tmp_path, pegasus, good):
 def test_nothing_is_written_that_nobody_knows(good):
     """Statuses of footholds and swings were constant zeros."""
     assert {"foothold_status", "swing_status"} & set(good) == set()
+
+
+def test_a_robot_whose_file_is_within_its_limits_is_within_a_plans(pegasus):
+    """Motors, gears and controllers at both ends, and links of almost no weight."""
+    file = load(RobotFile, Path(__file__).parents[2] / "configs/robots/pegasus.toml")
+    motor = {field.name: field.metadata for field in dataclasses.fields(Motor)}
+    for end in ("min", "max"):
+        changed = {name: rule[end] for name, rule in motor.items() if rule.get(end) is not None}
+        robot = build_robot(dataclasses.replace(file, motor=dataclasses.replace(file.motor, **changed)))
+        for name, rule in ROBOT.items():
+            values = np.asarray(getattr(robot, name))
+            assert rule.low <= values.min() <= values.max() <= rule.high, name
 
 
 def test_every_field_of_a_robot_is_checked():
