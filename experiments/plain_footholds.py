@@ -53,6 +53,8 @@ def plain_valid(elevation: np.ndarray, resolution: float, foot: float, easy: np.
         slopes.append(np.where(product > 0, 2.0 * product / total, 0.0 * product))
     gentle = slopes[0] ** 2 + slopes[1] ** 2 <= (math.tan(0.6) * resolution) ** 2
     unclear = moved(bad, window(foot + 0.5 * resolution, resolution), False).any(0)
+    near = [(i, j) for i in range(-2, 3) for j in range(-2, 3) if (abs(i), abs(j)) != (2, 2)]
+    unclear |= moved(np.isnan(elevation), near, False).any(0)
     return gentle & ~unclear & ~moved(~easy, window(foot, resolution), False).any(0)
 
 

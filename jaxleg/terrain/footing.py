@@ -12,6 +12,8 @@ from jaxleg.terrain.features import FeatureSettings, traversability
 from jaxleg.terrain.heightmap import HeightMap, mean_slope
 from jaxleg.terrain.window import disc, over_disc
 
+SURFACE = tuple((i, j) for i in range(-2, 3) for j in range(-2, 3) if abs(i) + abs(j) < 4)  # it changes at a cell's centre
+
 
 class FootingRule(NamedTuple):
     """What ground bears a foot; static."""
@@ -42,19 +44,21 @@ def valid_cells(
 ) -> Bool[Array, "nx ny"]:
     """Whether a foot may stand with its centre on each cell.
 
-    Valid: the sampled surface is at most as steep as `slope_limit` [rad] there (it is not where a neighbour is unseen), and
-    no unseen cell and no edge lies within `foot_radius` [m]. An edge is a pair of neighbouring cells more than `edge_height`
-    [m] apart; it takes up both cells, so the radius is measured to the cells' borders (half a cell is added).
-    `easy` marks the cells whose traversability is high enough (A9); every cell within `foot_radius` must be. Outside the map
-    the ground goes on as at its border. An infinite elevation is unseen with an edge round it. `resolution` is the map's
-    [m per cell] and static, like the radius: they set the windows.
+    Valid: the sampled surface is at most as steep as `slope_limit` [rad] there, all cells that it is made of about the centre
+    are seen (`SURFACE`), and no unseen cell and no edge lies within `foot_radius` [m]. An edge is a pair of neighbouring cells
+    more than `edge_height` [m] apart; it takes up both cells, so the radius is measured to the cells' borders (half a cell is
+    added). `easy` marks the cells whose traversability is high enough (A9); every cell within `foot_radius` must be. Outside
+    the map the ground goes on as at its border. An infinite elevation is unseen with an edge round it. `resolution` is the
+    map's [m per cell] and static, like the radius: they set the windows.
     """
     ahead, aside = _differences(terrain.elevation), _differences(terrain.elevation.T).T
     jump = [jnp.abs(difference) > edge_height for difference in (ahead, aside)]
-    bad = ~jnp.isfinite(terrain.elevation) | jump[0][1:] | jump[0][:-1] | jump[1][:, 1:] | jump[1][:, :-1]
+    unseen = ~jnp.isfinite(terrain.elevation)
+    bad = unseen | jump[0][1:] | jump[0][:-1] | jump[1][:, 1:] | jump[1][:, :-1]
     steepness = mean_slope(ahead[:-1], ahead[1:]) ** 2 + mean_slope(aside[:, :-1], aside[:, 1:]) ** 2
     gentle = steepness <= (jnp.tan(slope_limit) * resolution) ** 2  # false for NaN
     clear = gentle & ~over_disc(bad, False, jax.lax.bitwise_or, disc(foot_radius + 0.5 * resolution, resolution))
+    clear = clear & ~over_disc(unseen, False, jax.lax.bitwise_or, SURFACE)
     return clear if easy is None else clear & ~over_disc(~easy, False, jax.lax.bitwise_or, disc(foot_radius, resolution))
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxleg.terrain.footing import valid_cells
-from jaxleg.terrain.heightmap import HeightMap, height_and_gradient
+from jaxleg.terrain.heightmap import HeightMap, height, height_and_gradient
 
 RESOLUTION, SHAPE = 0.02, (13, 11)
 valid = jax.jit(valid_cells, static_argnums=(1, 2))
@@ -52,7 +52,28 @@ def brute_force(elevation, foot_radius, slope_limit, edge_height):
         disc = [(a, b) for a in reach for b in reach if RESOLUTION * (math.hypot(a, b) - 0.5) <= foot_radius]
         return not any(bad(i + a, j + b) for a, b in disc)
 
-    return np.array([gentle(i, j) and clear(i, j) for i, j in np.ndindex(*SHAPE)]).reshape(SHAPE)
+    def known(i, j):
+        around = [(i + a, j + b) for a in range(-2, 3) for b in range(-2, 3) if (abs(a), abs(b)) != (2, 2)]
+        return not any(np.isnan(elevation[a, b]) for a, b in around if 0 <= a < SHAPE[0] and 0 <= b < SHAPE[1])
+
+    return np.array([gentle(i, j) and clear(i, j) and known(i, j) for i, j in np.ndindex(*SHAPE)]).reshape(SHAPE)
+
+
+@pytest.mark.parametrize("foot_radius", [0.004, 0.021])
+def test_a_foot_a_little_off_a_valid_cell_still_has_ground(foot_radius):
+    """And right beyond those cells there is some that has none: the ring of unseen cells that spoil it is no wider."""
+    look, off = jax.jit(jax.vmap(height, in_axes=(None, 0))), 1e-3 * RESOLUTION
+    around = off * np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])
+    for seed in range(4):
+        elevation = np.zeros(SHAPE)
+        elevation[tuple(np.random.default_rng(seed).integers(3, 8, 2))] = np.nan
+        known = np.stack(
+            [np.isfinite(look(make(elevation), RESOLUTION * np.array(cell) + around)).all() for cell in np.ndindex(SHAPE)]
+        )
+        ours = valid(make(elevation), RESOLUTION, foot_radius)
+        assert np.all(known.reshape(SHAPE)[ours])
+        if foot_radius < 0.01:
+            np.testing.assert_array_equal(ours, known.reshape(SHAPE))
 
 
 @pytest.mark.parametrize("foot_radius", [0.004, 0.021, 0.037])
