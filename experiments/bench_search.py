@@ -28,7 +28,7 @@ from experiments.searching import judged_lanes
 from jaxleg.search.config import Study
 from jaxleg.search.lanes import Lab
 from jaxleg.search.training import Lanes, spread
-from jaxleg.viz.style import WIDTH, label, save
+from jaxleg.viz.style import WIDTH, label, legend_below, save
 
 WITHIN, STOPPED = 1.01, 50.0  # times our refereed energy; times our warm time
 HELD = 8  # terrains of the referee
@@ -126,7 +126,7 @@ def told(runs: list, target: float, limit: float) -> dict[str, Any]:
         "runs": len(runs),
         "end": spread_of([run[-1][2] for run in runs]),
         "curves": [
-            [(round(wall, 2), round(value, 4)) for wall, _, value in run[:: max(1, len(run) // 40)]] for run in runs[1:]
+            [(round(wall, 2), round(value, 4)) for wall, _, value in run[:: max(1, len(run) // 40)]] for run in runs[1:] or runs
         ],
     }
 
@@ -138,18 +138,18 @@ def spread_of(values: list[float]) -> dict[str, float]:
 
 def draw(kinds: dict[str, Any], path: Path) -> None:
     """What the referee says of the best so far against time, warm; a panel a kind."""
-    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    figure, lines = Figure(figsize=(WIDTH, 3.8), layout="constrained"), {}
     axes = np.atleast_1d(figure.subplots(1, len(kinds)))
     for ax, (kind, row) in zip(axes, kinds.items()):
         for number, (name, way) in enumerate(row["ways"].items()):
-            for i, curve in enumerate(way["curves"]):
+            for curve in way["curves"]:
                 wall, value = np.array(curve).T
-                ax.step(wall, value, where="post", color=f"C{number}", lw=1.2, label=None if i else name.replace("_", ", "))
+                (lines[name],) = ax.step(wall, value, where="post", color=f"C{number}", lw=1.2, label=name.replace("_", ", "))
         ax.axhline(row["target"], color="0.5", lw=1.0, ls=":")
         label(ax, "wall time, warm [s]", "", kind)
         ax.set(xscale="log", ylim=(0.9 * row["target"], 1.6 * row["target"]))
     axes[0].set_ylabel("refereed objective / traditional's energy [-]")
-    axes[0].legend(frameon=False, fontsize=8)
+    legend_below(figure, list(lines.values()), len(lines))
     save(figure, path)
 
 
