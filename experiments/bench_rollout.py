@@ -2,7 +2,8 @@
 
 Four engines follow the same joint references: jaxleg's rollout (meters included); `mjx.step` with MuJoCo's native height field
 and contacts; bare `mjx.step` without any contact (the robot moves its legs in free fall); C MuJoCo's `mujoco.rollout` on two
-threads, one model a terrain, at the referee's 2 ms. The three that run in JAX get the same chunks on the same devices.
+threads, one model a terrain, at the referee's 2 ms. The three that run in JAX get the same chunks on the same devices, and XLA's
+ordinary settings: those that the command line takes to compile our programs sooner may slow down others'.
 
 Each JAX engine runs at the largest of some steps that keeps every lane's energy within 2 % of its own fine step's, or at the
 smallest of them where none does. Then the cost per terrain at 64, 256 and 1024 terrains (planning included), and the memory of
@@ -51,7 +52,7 @@ ERROR = 0.02  # of the energy
 
 def main(out: Path | None = None, quick: bool = False) -> None:
     """Measure all rows; `quick` uses fewer lanes and skips 1024 terrains."""
-    study, lab = setup()
+    study, lab = setup(sooner=False)
     lanes, vectors = distinct(study, lab, 64 if quick else 1024)
     result = growth(lab, vectors, lanes, (16, 64) if quick else (64, 256, 1024)) | reverse(lab, vectors, lanes)
     few = first(lanes, 64)
