@@ -2,8 +2,8 @@
 
 Four engines follow the same joint references: jaxleg's rollout (meters included); `mjx.step` with MuJoCo's native height field
 and contacts; bare `mjx.step` without any contact (the robot moves its legs in free fall); C MuJoCo's `mujoco.rollout` on two
-threads, one model a terrain, at the referee's 2 ms. The three that run in JAX get the same chunks on the same devices, and XLA's
-ordinary settings: those that the command line takes to compile our programs sooner may slow down others'.
+threads, one model a terrain, at the referee's 2 ms. The three that run in JAX get the same chunks on the same devices and XLA's
+ordinary settings: those with which the command line compiles sooner may slow down others' programs.
 
 Each JAX engine runs at the largest of some steps that keeps every lane's energy within 2 % of its own fine step's, or at the
 smallest of them where none does. Then the cost per terrain at 64, 256 and 1024 terrains (planning included), and the memory of
