@@ -172,7 +172,7 @@ def test_a_run_killed_at_its_first_save_is_there_to_resume(tmp_path, robot):
     assert len(list((tmp_path / "run" / "checkpoints").iterdir())) == 2  # another stage, not the first again
 
 
-SAVES = {"flat": 0.4, "rough": 0.4, "stairs": 0.15}  # at least, against traditional
+SAVES = {"flat": 0.4, "rough": 0.4, "stairs": 0.25}  # at least, against traditional
 BASELINES = {"flat": (1023, 789, 722), "rough": (1049, 805, 740), "stairs": (1182, 1007, 993)}  # J/m on these terrains
 
 
