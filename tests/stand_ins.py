@@ -18,7 +18,7 @@ class StandInRun(Run):
     """A run without a folder: every stage is computed, none saved."""
 
     def __init__(self, study: Study, lab: Lab, robot: Any = None) -> None:
-        self.study, self.lab, self.robot, self.kinds = study, lab, robot, tuple(study.kinds)
+        self.study, self.lab, self.robot, self.kinds, self.done = study, lab, robot, tuple(study.kinds), 0.0
 
     def remember(self, stage, like, compute):
         """The answer, computed."""
