@@ -1,5 +1,6 @@
 """`jaxleg plan` and `jaxleg replay` refuse what they cannot use in one sentence, with status 2, before anything is compiled."""
 
+import re
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -13,6 +14,7 @@ from jaxleg.series.tree import CAUSES
 from jaxleg.status import Status
 from jaxleg.terrain import KINDS, Grid
 from jaxleg.terrain.heightmap import HeightMap
+from jaxleg.walk.config import Navigation, PoseSettings
 from tests.test_cli import CONFIGS, KIND, refused
 
 PLAN = ("--start", "0.5", "0.5", "--goal", "2.5", "1.0")
@@ -195,6 +197,15 @@ def test_an_own_generator_is_a_kind(monkeypatch, config, tmp_path):
     assert float(task.map.terrain.elevation.max()) == pytest.approx(0.05, rel=1e-2)
 
 
+def test_a_map_made_here_has_cells_as_wide_as_the_foot(tmp_path):
+    """Pegasus's, 0.04 m, would be too coarse for a narrower one, and no key changes it."""
+    file = (CONFIGS / "robots" / "pegasus.toml").read_text()
+    (tmp_path / "robot.toml").write_text(re.sub("(?m)^foot_radius = [0-9.]+", "foot_radius = 0.015", file))
+    (tmp_path / "study.toml").write_text("robot = 'robot.toml'\n" + KIND)
+    task = read([str(tmp_path / "study.toml"), "--terrain", "flat", *PLAN, "--out", str(tmp_path / "plan.npz")])
+    assert float(task.map.terrain.resolution) == pytest.approx(0.03, rel=1e-6)
+
+
 def test_what_is_not_used_of_a_gait_is_said():
     study = Study(kinds={"a": Kind(), "b": Kind(gait=Gait(foot_offset=-0.1, skew=0.1, swing_height=0.1))})
     assert notes(study, "a") == []
@@ -209,7 +220,9 @@ def test_what_is_not_used_of_a_gait_is_said():
 
 def test_a_knee_bend_that_is_not_used_is_said():
     (note,) = notes(Study(kinds={"steep": Kind(least_knee_bend_deg=35.0)}), "steep")
-    assert "kinds.steep.settings, navigation.pose.least_knee_bend_deg is 20: least_knee_bend_deg 35" in note
+    assert note == "not used of kinds.steep, navigation.pose.least_knee_bend_deg is 20: least_knee_bend_deg 35"
+    own = Navigation(pose=PoseSettings(least_knee_bend_deg=25.0))
+    assert notes(Study(kinds={"usual": Kind()}, navigation=own), "usual") == []  # nobody set it
 
 
 class Walk:

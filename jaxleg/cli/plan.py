@@ -51,7 +51,8 @@ def read(rest: list[str]) -> Task:
         raise InputError(f"command line: --difficulty is {difficulty:g}, but must be from 0 to 1")
     study, file, robot = read_study(first(rest, NO_CONFIG), rest, "jaxleg plan CONFIG")
     kind = gait_kind(study, name[0] if name else None, source)
-    ground = find_terrain(study, source, difficulty, float(f"{2.0 * float(robot.foot_radius):.6g}"))
+    wide = 2.0 * float(str(np.asarray(robot.foot_radius)))  # exact digits
+    ground = find_terrain(study, source, difficulty, wide)
     ends = {name: xy - ground.datum[:2] for name, xy in ends.items()}
     check_map_and_ends(source, ground, robot, study.kinds[kind].gait, ends)
     plan_path, picture = Path(out[0] if out else "runs/plan.npz"), Path(figure[0]) if figure else None
@@ -116,16 +117,19 @@ def check_map_and_ends(source: str, ground: Any, robot: Any, gait: Any, ends: di
 
 def notes(study: Any, kind: str) -> list[str]:
     """What of CONFIG's kind this planner does not use, though it was set."""
-    gait, leaves, bend = study.kinds[kind].gait, study.kinds[kind].leaves, study.kinds[kind].least_knee_bend_deg
-    default = {field.name: field.default for field in dataclasses.fields(gait)}
-    own = study.navigation.pose.least_knee_bend_deg
+    table, own = study.kinds[kind], study.navigation.pose.least_knee_bend_deg
+    gait, leaves, bend = table.gait, table.leaves, table.least_knee_bend_deg
+    default = {field.name: field.default for some in (gait, table) for field in dataclasses.fields(some)}
+    other = bend not in (own, default["least_knee_bend_deg"])
     unused = {
-        f"settings, navigation.pose.least_knee_bend_deg is {own:g}": {"least_knee_bend_deg": bend} if bend != own else {},
-        "gait, paper C's planner has no such number": {n: getattr(gait, n) for n in NEEDLESS if getattr(gait, n) != default[n]},
-        "leaves, paper C's planner has its own": {n: x for n, x in leaves.items() if not n.startswith("swing.")},
+        f", navigation.pose.least_knee_bend_deg is {own:g}": {"least_knee_bend_deg": bend} if other else {},
+        ".gait, paper C's planner has no such number": {
+            n: getattr(gait, n) for n in NEEDLESS if getattr(gait, n) != default[n]
+        },
+        ".leaves, paper C's planner has its own": {n: x for n, x in leaves.items() if not n.startswith("swing.")},
     }
     return [
-        f"not used of kinds.{kind}.{why}: {', '.join(f'{name} {value:g}' for name, value in numbers.items())}"
+        f"not used of kinds.{kind}{why}: {', '.join(f'{name} {value:g}' for name, value in numbers.items())}"
         for why, numbers in unused.items()
         if numbers
     ]

@@ -28,7 +28,7 @@ USAGE = """usage: jaxleg COMMAND ...
   --help          all keys of CONFIG with their limits: jaxleg search CONFIG --help
 """
 HELP = {"-h", "--help"}
-SOONER = "--xla_cpu_use_fusion_emitters=false"  # compiles a quarter sooner, runs no slower; JAX 0.11 no longer knows it
+SOONER = "--xla_cpu_use_fusion_emitters=false"  # ours compile sooner and run no slower; JAX 0.11 no longer knows it
 EXIT_INFEASIBLE, EXIT_INPUT, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 130, 141
 
 

@@ -12,6 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxleg.numerics import highest
+
 FREE = 1e6  # what stands in a row that is none
 
 
@@ -43,12 +45,8 @@ def linearised(
 
 def _lowest(rows, slopes, reach, most):
     """The row that is lowest, and those of the others that may come lowest within the reach: `most` in all."""
-    kept = min(most, rows.shape[0])
     may_be = rows - jnp.sum(jnp.abs(slopes) * reach[None], axis=1)
     first = jnp.isnan(may_be) | (rows == jnp.min(rows))  # what is no number is kept: such a lane cannot be judged
-    known = jnp.where(first, -jnp.inf, may_be)
-    index = jax.lax.top_k(-known, kept)[1]
-    free = jnp.isposinf(rows[index])
-    rows, slopes = jnp.where(free, FREE, rows[index]), jnp.where(free[:, None], 0.0, slopes[index])
-    missing = most - kept
-    return jnp.pad(rows, (0, missing), constant_values=FREE), jnp.pad(slopes, ((0, missing), (0, 0)))
+    worth, index = highest(-jnp.where(first, -jnp.inf, may_be), most)
+    free = jnp.isneginf(worth) | jnp.isposinf(rows[index])
+    return jnp.where(free, FREE, rows[index]), jnp.where(free[:, None], 0.0, slopes[index])

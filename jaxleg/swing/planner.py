@@ -76,7 +76,7 @@ def view(
     wide = widened(obstacle, planner.clearance, WINDOW)
     blocked = jnp.cumsum((x > begin[0]) & ~(local.ground <= machine.high)) > 0  # unseen ground blocks, too
     wide = jnp.where(blocked, wide, jnp.minimum(wide, machine.high))
-    wide = jnp.maximum(wide, machine.low)  # where nothing is seen, behind or beyond: finite, and in nobody's way
+    wide = jnp.where(jnp.isneginf(wide), machine.low, wide)  # nothing is seen there, behind or beyond: in nobody's way
     first = jnp.clip(jnp.sum(x <= begin[0] + 1e-3 * local.spacing) - 1, 0, x.shape[0] - 2)
     lift = jnp.maximum(begin[1], jnp.maximum(wide[first], wide[first + 1]))
     wide, x = wide.at[first].set(jnp.minimum(lift, machine.high)), x.at[first].set(begin[0])
