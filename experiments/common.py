@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxleg.about import about
 from jaxleg.cli import configure_jax
+from jaxleg.cli.start import cache_folder
 from jaxleg.files import write_json
 from jaxleg.robot import load_robot
 from jaxleg.search.config import Study, robot_path
@@ -27,7 +28,7 @@ def setup(config: Path = CONFIG, sooner: bool = True) -> tuple[Study, Lab]:
     """A study, the quickstart's, and its lab, with JAX configured as in the command line (`sooner`: see `configure_jax`)."""
     configure_jax(sooner)
     study = load(Study, config)
-    return study, make_lab(study, load_robot(robot_path(study, config)))
+    return study, make_lab(study, load_robot(robot_path(study, config)), cache_folder())
 
 
 def training(study: Study, lab: Lab, kind: str, held_out: bool = False) -> Lanes:

@@ -15,6 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
+from jaxleg.programs import Kept, kept
+
 
 @dataclasses.dataclass(frozen=True)
 class Picked:
@@ -34,19 +36,23 @@ class Picked:
         return jax.tree.map(lambda x: np.asarray(x)[self.index[lanes]], self.tree)
 
 
-def over_lanes(lane: Callable[..., Any], chunk: int, devices: int | None = None) -> Callable[..., Any]:
+def over_lanes(
+    lane: Callable[..., Any], chunk: int, devices: int | None = None, where: Kept | None = None
+) -> Callable[..., Any]:
     """The function of one lane over a leading axis of its arguments, `chunk` lanes a device at a time; see `shared_out`."""
-    return shared_out(jax.vmap(lane), chunk, devices)
+    return shared_out(jax.vmap(lane), chunk, devices, where)
 
 
-def shared_out(batch: Callable[..., Any], chunk: int, devices: int | None = None) -> Callable[..., Any]:
+def shared_out(
+    batch: Callable[..., Any], chunk: int, devices: int | None = None, where: Kept | None = None
+) -> Callable[..., Any]:
     """A function over a leading axis of its arguments, its lanes shared out over devices (all), `chunk` a device at a time.
 
     Every call, of few lanes too, is filled up to whole chunks, so that all share one compiled program: where a lane is
     expensive, let `layout` choose. What it is called with as `common=(...)` comes first among its arguments, whole on every
     device.
     """
-    shared = on_devices(batch, devices)
+    shared = on_devices(batch, devices, where)
     lanes = chunk * len(jax.local_devices()[:devices])
 
     def call(*batched: Any, common: tuple = ()) -> Any:
@@ -55,22 +61,26 @@ def shared_out(batch: Callable[..., Any], chunk: int, devices: int | None = None
     return call
 
 
-def on_devices(batch: Callable[..., Any], devices: int | None = None) -> Callable[[tuple, tuple], Any]:
+def on_devices(
+    batch: Callable[..., Any], devices: int | None = None, where: Kept | None = None
+) -> Callable[[tuple, tuple], Any]:
     """The compiled function (common, lanes) of one chunk: `common` whole on every device, the lanes in equal shares on all.
 
-    What is called one after the other within a chunk shares its programs with others, and stays on the devices between.
+    What is called one after the other within a chunk shares its programs with others, and stays on the devices between. Its
+    programs are kept `where` it is said.
     """
     mesh = jax.sharding.Mesh(np.array(jax.local_devices()[:devices]), ("lane",))
-    along = jax.sharding.PartitionSpec("lane")
+    whole, along = jax.sharding.PartitionSpec(), jax.sharding.PartitionSpec("lane")
 
     @jax.jit
-    @functools.partial(
-        jax.shard_map, mesh=mesh, in_specs=(jax.sharding.PartitionSpec(), along), out_specs=along, check_vma=False
-    )
+    @functools.partial(jax.shard_map, mesh=mesh, in_specs=(whole, along), out_specs=along, check_vma=False)
     def shared(common, lanes):
         return batch(*common, *lanes)
 
-    return shared
+    if where is None:
+        return shared
+    of_common, of_lanes = (jax.sharding.NamedSharding(mesh, spec) for spec in (whole, along))
+    return kept(shared, where, (of_common, of_lanes), of_lanes)
 
 
 def layout(count: int, most: int) -> tuple[int, int]:

@@ -7,7 +7,8 @@ import pytest
 
 ROOT = Path(__file__).parent.parent / "jaxleg"
 ORDER = (
-    ("about", "batch", "conventions", "files", "npz", "numerics", "pytree", "rotations", "settings", "status", "vectors"),
+    ("about", "conventions", "files", "npz", "numerics", "pytree", "rotations", "settings", "status", "vectors"),
+    ("batch", "programs"),
     ("robot",),
     ("leg",),
     ("terrain",),

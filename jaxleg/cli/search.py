@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxleg.cli.options import first, take
-from jaxleg.cli.start import EXIT_INFEASIBLE, EXIT_INTERRUPTED, HELP
+from jaxleg.cli.start import EXIT_INFEASIBLE, EXIT_INTERRUPTED, HELP, cache_folder
 from jaxleg.cli.study import NO_CONFIG, read_study
 
 
@@ -58,7 +58,7 @@ def run_study(study: Any, robot: Any, robot_file: Any, out: Path, resume: bool) 
         console.print(f"this run began with {change}: the last digits may differ")
     try:
         with progress(console, work(study)) as report:
-            lab = make_lab(study, robot)
+            lab = make_lab(study, robot, cache_folder())
             result, chosen = run(study, lab, folder, report)
             folder.write_result(result)
             dump(with_best(study, chosen), folder.best)

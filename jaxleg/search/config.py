@@ -190,6 +190,7 @@ class Randomise:
     friction: Span = setting((0.5, 1.0), min=0.1, max=2.0)
     gains: float = setting(0.10, min=0.0, below=1.0, help="share, one factor for all stiffness, one for all velocity_gain")
     map_noise: float = setting(0.01, min=0.0, max=0.5, unit="m", help="each cell of the map that planners see, by itself")
+    map_filter: float = setting(2.0, min=0.0, max=10.0, help="radius of the median that planners take of it, in foot radii")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,7 +6,10 @@ A lane is a planner on one terrain; the vector that a search moves takes the pla
 
 import dataclasses
 import functools
+import hashlib
+import pickle
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -20,6 +23,7 @@ from jaxleg.gait.limits import gait_constraints
 from jaxleg.leg.energy import CONVENTIONS, Convention, Power, electrical
 from jaxleg.planner import Planner
 from jaxleg.posture.workspace import nominal_rooms
+from jaxleg.programs import Kept
 from jaxleg.robot import Robot
 from jaxleg.route.stations import Stations
 from jaxleg.search.config import EngineName, Span
@@ -114,12 +118,22 @@ class Lab:
     terms: EngineName = "legged"
     rows: int = 128  # of each constraint that a model keeps: the more numbers move, the more rows may become the least
     counted: Span = (0.0, 1.0)  # shares of the lanes, from the cheapest on, that a search counts: see `gauss_newton.counts`
+    programs: Path | None = None  # folder in which traced programs are kept for later processes
 
     @functools.cached_property
     def engine(self) -> Engine:
         """Built on first use; not while tracing, MJX's arrays would leak."""
         with jax.ensure_compile_time_eval():
             return {"legged": legged_engine, "mjx": mjx_engine}[self.terms](self.robot)
+
+    def _kept(self, name: str) -> Kept | None:
+        """Where a program of this lab is kept. What it holds is in the program, so it is in the name; a lab of another's class
+        may do anything."""
+        if self.programs is None or not type(self).__module__.startswith(__package__):
+            return None
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "programs"}
+        held = jax.tree.map(lambda x: np.asarray(x) if isinstance(x, jax.Array) else x, fields)
+        return Kept(self.programs, f"{type(self).__qualname__}.{name} {hashlib.sha256(pickle.dumps(held)).hexdigest()}")
 
     def planner(self, vector: Float[Array, "parameter"], setting: Setting) -> Planner:
         """The planner of one lane."""
@@ -206,7 +220,7 @@ class Lab:
             gradient, score = jax.grad(value, has_aux=True)(vector)
             return score, gradient
 
-        return over_lanes(lane, self.chunk)
+        return over_lanes(lane, self.chunk, where=self._kept("proxy_gradients"))
 
     @functools.cached_property
     def models(self) -> Callable[..., Model]:
@@ -218,7 +232,7 @@ class Lab:
             choice = self.choose(vector, site, setting)
             return linearised(lambda x: self.parts(x, site, choice, setting), vector, reach, self.rows)
 
-        return over_lanes(lane, max(1, self.chunk // 2))
+        return over_lanes(lane, max(1, self.chunk // 2), where=self._kept("models"))
 
     @functools.cached_property
     def _plans(self) -> Callable[[tuple, tuple], LanePlan]:
@@ -227,7 +241,7 @@ class Lab:
         def lane(vector, site, setting):
             return self.plan(vector, site, self.choose(vector, site, setting), setting)
 
-        return on_devices(jax.vmap(lane))
+        return on_devices(jax.vmap(lane), where=self._kept("plans"))
 
     def plan_lanes(self, vectors: Float[ArrayLike, "lane parameter"], sites: Site, settings: Setting) -> LanePlan:
         """Batched `plan` with the cascade's choice."""
@@ -236,7 +250,7 @@ class Lab:
     @functools.cached_property
     def _follow(self) -> Callable[[tuple, tuple], tuple[Score, Meters]]:
         """One chunk of `followed`."""
-        return on_devices(jax.vmap(self.followed))
+        return on_devices(jax.vmap(self.followed), where=self._kept("follow"))
 
     def simulate_lanes(
         self, vectors: Float[ArrayLike, "lane parameter"], sites: Site, settings: Setting, truths: Truth | None = None
@@ -262,7 +276,8 @@ class Lab:
             gradient, (score, meters) = jax.grad(self.simulated, has_aux=True)(vector, site, choice, setting)
             return score, meters, gradient
 
-        return over_lanes(lane, max(1, self.chunk // 2))  # reverse mode needs more memory a lane
+        of_half = max(1, self.chunk // 2)  # reverse mode needs more memory a lane
+        return over_lanes(lane, of_half, where=self._kept("simulate_gradients"))
 
 
 def stations(planner: Planner, cycles: int) -> Stations:

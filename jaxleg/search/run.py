@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -17,8 +18,8 @@ from jaxleg.sim.contact import Ground
 Report = Callable[[float, str], None]  # where progress goes: units of work done, and a line on what is going on
 
 
-def make_lab(study: Study, robot: Robot) -> Lab:
-    """The lab of a study: everything its lanes share."""
+def make_lab(study: Study, robot: Robot, programs: Path | None = None) -> Lab:
+    """The lab of a study: everything its lanes share; its programs are kept in a folder, if one is named."""
     sim = study.simulation
     return Lab(
         robot=robot,
@@ -30,6 +31,7 @@ def make_lab(study: Study, robot: Robot) -> Lab:
         convention=study.power,
         terms=sim.engine,
         counted=study.search.counted,
+        programs=programs,
     )
 
 

@@ -1,8 +1,8 @@
 """What randomised lanes are truly walked with and on: robots and grounds that differ from what their planners know.
 
-A planner has the study's robot and a noisy map, the controllers have the gains of the lane's robot, the feed-forward torques
-are the plan's. A lane's draw depends on the study's seed, the kind of terrain and the lane's number: all contestants meet the
-same, and so they do in a study of more lanes.
+A planner has the study's robot and a noisy map, of which it takes the median about each cell; the controllers have the gains of
+the lane's robot, the feed-forward torques are the plan's. A lane's draw depends on the study's seed, the kind of terrain and
+the lane's number: all contestants meet the same, and so they do in a study of more lanes.
 """
 
 import dataclasses
@@ -22,6 +22,7 @@ from jaxleg.sim.contact import Ground
 from jaxleg.terrain.generators import terrain_keys
 from jaxleg.terrain.heightmap import HeightMap, height
 from jaxleg.terrain.site import Site
+from jaxleg.terrain.window import Disc, disc, median
 from jaxleg.walk.data import Reference
 
 MASSES = ("trunk_mass", "trunk_inertia", "link_mass", "link_inertia")
@@ -48,7 +49,13 @@ def make_worlds(study: Study, robot: Robot, ground: Ground, kind: str) -> tuple[
     terrain = jax.tree.map(lambda x: np.asarray(x)[pick], terrain)
     keys = terrain_keys(jax.random.fold_in(jax.random.key(study.seed), FIRST_KEY + number), 0, count)
     truth, seen = worlds(study.randomise, robot, ground, terrain, keys)
+    seen = _filtered(disc(study.randomise.map_filter * float(robot.foot_radius), study.terrains.resolution), seen)
     return sites_on(study.terrains, Sizes.of(robot), seen), truth
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _filtered(window: Disc, seen: HeightMap) -> HeightMap:
+    return dataclasses.replace(seen, elevation=jax.vmap(functools.partial(median, window=window))(seen.elevation))
 
 
 @functools.partial(jax.jit, static_argnums=0)

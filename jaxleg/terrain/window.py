@@ -38,6 +38,15 @@ def _corners(window: Disc) -> list[tuple[int, int]]:
     return [(i, j) for i, j in widest.items() if j > widest.get(i + 1, -1)]
 
 
+def median(values: Float[Array, "nx ny"], window: Disc) -> Float[Array, "nx ny"]:
+    """The median of the seen cells of each cell's window: it takes out noise and leaves edges. What is unseen stays unseen."""
+    reach = max(max(abs(i), abs(j)) for i, j in window)
+    padded = jnp.pad(values, reach, constant_values=jnp.nan)
+    nx, ny = values.shape
+    shifted = jnp.stack([padded[reach + i : reach + i + nx, reach + j : reach + j + ny] for i, j in window])
+    return jnp.where(jnp.isnan(values), jnp.nan, jnp.nanmedian(shifted, axis=0))
+
+
 def fold(
     elevation: Float[Array, "nx ny"],
     window: Disc,

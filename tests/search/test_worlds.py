@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.ndimage import median_filter
 
 from jaxleg.conventions import GRAVITY
 from jaxleg.search import referees
@@ -96,13 +97,21 @@ def test_lanes_are_the_same_however_many_and_others_with_another_seed(pegasus):
 
 def test_planners_see_the_noisy_map_and_feet_meet_the_true_one(pegasus):
     """With so much noise no foot may stand in most places, which the true level ground would allow everywhere."""
-    site, truth = make_worlds(of_lanes(map_noise=0.1), pegasus, Ground(), "flat")
+    noisy = of_lanes(map_noise=0.1, map_filter=0.0)
+    site, truth = make_worlds(noisy, pegasus, Ground(), "flat")
     assert_array_equal(truth.terrain.elevation, 0.0)
     assert np.abs(site.terrain.elevation).max() > 0.09
     assert np.mean(site.valid) < 0.1
     alike, _ = make_worlds(of_lanes(map_noise=0.0), pegasus, Ground(), "flat")
     once = make_sites(STUDY, pegasus, "flat", held_out=True)
     jax.tree.map(lambda x, y: assert_array_equal(x, np.repeat(y, 3, axis=0)), alike, once)
+
+
+def test_planners_take_the_median_of_the_noisy_map(pegasus):
+    """Three foot radii are 0.06 m: on maps of 0.04 m the cell and its eight neighbours. Against scipy's, but for the border."""
+    raw, site = (make_worlds(of_lanes(map_noise=0.1, map_filter=r), pegasus, Ground(), "rough")[0] for r in (0.0, 3.0))
+    wanted = [median_filter(x, size=3) for x in np.asarray(raw.terrain.elevation)]
+    assert_allclose(np.asarray(site.terrain.elevation)[:, 1:-1, 1:-1], np.array(wanted)[:, 1:-1, 1:-1], rtol=1e-12)
 
 
 def test_every_contestant_meets_the_same_worlds(pegasus):

@@ -9,7 +9,7 @@ import pytest
 
 from jaxleg.terrain import Grid, HeightMap, stairs
 from jaxleg.terrain.features import FeatureSettings, features, traversability
-from jaxleg.terrain.window import disc
+from jaxleg.terrain.window import disc, median
 
 SIZE, SHAPE = 0.02, (14, 11)
 SETTINGS = FeatureSettings(critical_step=0.03)
@@ -67,6 +67,14 @@ def ground(seed):
 def test_features_are_their_definitions(seed):
     ours = np.stack(jax.device_get(compute(make(ground(seed)))))
     np.testing.assert_allclose(ours, plain(ground(seed)), rtol=1e-9, atol=1e-12)
+
+
+def test_the_median_is_of_the_seen_cells():
+    elevation = ground(1)
+    wanted = [np.median(around(elevation, i, j, 0.04)[:, 2]) for i, j in zip(*np.nonzero(np.isfinite(elevation)))]
+    ours = np.asarray(median(jnp.asarray(elevation), disc(0.04, SIZE)))
+    np.testing.assert_allclose(ours[np.isfinite(elevation)], wanted, rtol=1e-12)
+    assert np.all(np.isnan(ours[np.isnan(elevation)]))
 
 
 def test_single_precision_keeps_five_digits_of_the_critical_values():

@@ -1,0 +1,102 @@
+"""Traced programs kept from process to process: a later one neither traces nor lowers them again, which takes it longer than
+fetching what XLA compiled of them.
+
+A program is kept under a name that tells its function from all others, the package's sources, the versions of what it is made
+with, and the structure and types of its arguments. What these do not tell, such as a planner's part written elsewhere, is
+traced as ever.
+"""
+
+import functools
+import hashlib
+import pickle
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import export
+
+from jaxleg.about import about
+from jaxleg.files import replace_whole
+
+PACKAGE = Path(__file__).parent
+OWN = {PACKAGE.name, "builtins", "collections"}  # where the types of arguments may come from
+
+
+class Kept(NamedTuple):
+    """Where a function's programs are kept, and what tells it from all others of the same sources."""
+
+    folder: Path
+    name: str
+
+
+def kept(function: Callable[..., Any], where: Kept, shardings: tuple[Any, ...], out: Any) -> Callable[..., Any]:
+    """A compiled function (of arrays in trees, none of them static) whose programs are kept; `shardings` of its arguments, one
+    for each, and that of what comes `out`. It has no gradient."""
+    programs: dict[Any, tuple[Callable[..., Any], Any]] = {}
+
+    def call(*arguments: Any) -> Any:
+        leaves, tree = jax.tree.flatten(arguments)
+        if not all(x.__module__.partition(".")[0] in OWN for x in _types(tree)):
+            return function(*arguments)
+        kind = (tree, *((x.shape, jax.dtypes.canonicalize_dtype(x.dtype)) for x in leaves))
+        if kind not in programs:
+            wanted = jax.tree.leaves(jax.tree.map(lambda s, part: jax.tree.map(lambda _: s, part), shardings, arguments))
+            file = where.folder / f"{_digest(where.name, str(kind))}.program"
+            traced, outputs = _read(file) or _write(file, function, tree, wanted, leaves)
+            run = jax.jit(traced.call, in_shardings=wanted, out_shardings=out)
+            programs[kind] = run, jax.tree.structure(outputs)
+        run, outputs = programs[kind]
+        return jax.tree.unflatten(outputs, run(*leaves))
+
+    return call
+
+
+def _write(file: Path, function, tree, shardings: list[Any], leaves: list[Any]) -> tuple[export.Exported, Any]:
+    """Trace the function of leaves and keep it, and what it returns: a tree of numbers, that a function of leaves cannot."""
+    outputs = []
+
+    def of_leaves(*leaves):
+        found, structure = jax.tree.flatten(function(*jax.tree.unflatten(tree, leaves)))
+        outputs.append(jax.tree.unflatten(structure, range(len(found))))
+        return found
+
+    traced = export.export(jax.jit(of_leaves, in_shardings=shardings))(*leaves)
+    replace_whole(file, lambda part: part.write_bytes(pickle.dumps((outputs[-1], bytes(traced.serialize())))))
+    return traced, outputs[-1]
+
+
+def _read(file: Path) -> tuple[export.Exported, Any] | None:
+    """What `_write` wrote, or None where there is nothing, or nothing whole."""
+    try:
+        outputs, data = pickle.loads(file.read_bytes())
+        return export.deserialize(bytearray(data)), outputs
+    except Exception:  # a file that is cut off fails in any way; it is written anew
+        return None
+
+
+def _types(tree) -> Iterator[type]:
+    """The types of all nodes of a tree."""
+    data = tree.node_data()
+    if data is not None:
+        yield data[0]
+        for child in tree.children():
+            yield from _types(child)
+
+
+def _digest(*texts: str) -> str:
+    """Of these texts, the sources, the versions and how JAX is set."""
+    square = jnp.zeros((2, 2))
+    settings = str(jax.make_jaxpr(jnp.matmul)(square, square))  # shows precision and width
+    every = (*texts, _sources(), settings, str(about()))
+    return hashlib.sha256("\0".join(every).encode()).hexdigest()
+
+
+@functools.cache
+def _sources() -> str:
+    """Of all sources of the package."""
+    found = hashlib.sha256()
+    for file in sorted(PACKAGE.rglob("*.py")):
+        found.update(file.read_bytes())
+    return found.hexdigest()

@@ -1,0 +1,87 @@
+"""Kept programs: used without being traced again, and only by what they were traced of."""
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from jaxleg.batch import over_lanes
+from jaxleg.programs import Kept
+from jaxleg.search.free import free_lab
+from jaxleg.search.lanes import Lab
+from jaxleg.sim.contact import Ground
+from jaxleg.terrain import HeightMap
+
+X = np.arange(6.0)
+
+
+class Elsewhere(NamedTuple):
+    x: np.ndarray
+
+
+def scaled(factor, where):
+    """Lanes of (factor x, nothing at all): what the function is does not show in its name."""
+    return over_lanes(lambda x: (factor * jnp.asarray(jax.tree.leaves(x)[0]), jnp.zeros(0)), 2, where=where)
+
+
+def test_a_kept_program_is_not_traced_again(tmp_path):
+    where = Kept(tmp_path, "scaled")
+    assert_array_equal(scaled(2.0, where)(X)[0], 2.0 * X)
+    (file,) = tmp_path.glob("*.program")
+    assert_array_equal(scaled(3.0, where)(X)[0], 2.0 * X)  # the file's
+    assert_array_equal(scaled(3.0, where._replace(name="other"))(X)[0], 3.0 * X)
+    assert_array_equal(scaled(4.0, where)(np.float32(X))[0], 4.0 * X)  # other types
+    with jax.default_matmul_precision("bfloat16"):
+        assert_array_equal(scaled(5.0, where)(X)[0], 5.0 * X)
+    assert len(list(tmp_path.glob("*.program"))) == 4
+    file.write_bytes(file.read_bytes()[:-30])
+    assert_array_equal(scaled(6.0, where)(X)[0], 6.0 * X)  # cut off: traced anew, and whole again
+    assert_array_equal(scaled(7.0, where)(X)[0], 6.0 * X)
+
+
+def test_other_sources_are_other_programs(tmp_path, monkeypatch):
+    where = Kept(tmp_path, "scaled")
+    scaled(2.0, where)(X)
+    monkeypatch.setattr("jaxleg.programs._sources", lambda: "changed")
+    assert_array_equal(scaled(3.0, where)(X)[0], 3.0 * X)
+
+
+def test_what_comes_from_elsewhere_is_traced_as_ever(tmp_path):
+    """A class of the user's own may compute anything, and its source is not in a name; the package's own is."""
+    where = Kept(tmp_path, "scaled")
+    for factor in (2.0, 3.0):
+        assert_array_equal(scaled(factor, where)(Elsewhere(X))[0], factor * X)
+        assert_array_equal(scaled(factor, where)({"a": (Elsewhere(X),)})[0], factor * X)
+    assert not list(tmp_path.glob("*"))
+    ground = HeightMap(np.ones((6, 2, 2)), np.zeros((6, 2)), np.ones(6))
+    assert_array_equal(scaled(2.0, where)(ground)[0], scaled(3.0, where)(ground)[0])
+
+
+class OtherLab(Lab):
+    pass
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"move": ("gait.step_length",)},
+        {"ground": Ground(friction=0.7)},
+        {"steps": 3},
+        {"counted": (0.0, 0.9)},
+        {"rows": 64},
+    ],
+)
+def test_a_lab_is_in_the_name_of_its_programs(pegasus, tmp_path, changes):
+    lab = Lab(pegasus, ("gait.skew",), Ground(), (8, 8), 2, 1, "net", programs=tmp_path)
+    again = dataclasses.replace(lab, robot=jax.tree.map(jnp.array, pegasus))
+    other = dataclasses.replace(lab, **changes)
+    heavier = dataclasses.replace(lab, robot=dataclasses.replace(pegasus, trunk_mass=pegasus.trunk_mass + 1e-6))
+    names = [x._kept("plans").name for x in (lab, other, heavier, free_lab(lab, None), free_lab(lab, 1))]
+    assert len({*names, lab._kept("models").name}) == 6
+    assert again._kept("plans") == lab._kept("plans")
+    assert dataclasses.replace(lab, programs=None)._kept("plans") is None
+    assert OtherLab(**vars(lab))._kept("plans") is None
