@@ -18,7 +18,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from jaxleg.batch import in_chunks, on_devices, over_lanes
+from jaxleg.batch import Picked, in_chunks, on_devices, over_lanes
 from jaxleg.gait.limits import gait_constraints
 from jaxleg.leg.energy import CONVENTIONS, Convention, Power, electrical
 from jaxleg.planner import Planner
@@ -243,7 +243,7 @@ class Lab:
 
         return on_devices(jax.vmap(lane), where=self._kept("plans"))
 
-    def plan_lanes(self, vectors: Float[ArrayLike, "lane parameter"], sites: Site, settings: Setting) -> LanePlan:
+    def plan_lanes(self, vectors: Float[ArrayLike, "lane parameter"], sites: Site | Picked, settings: Setting) -> LanePlan:
         """Batched `plan` with the cascade's choice."""
         return in_chunks(lambda *lanes: self._plans((), lanes), self._lanes, vectors, sites, settings)
 
@@ -253,7 +253,11 @@ class Lab:
         return on_devices(jax.vmap(self.followed), where=self._kept("follow"))
 
     def simulate_lanes(
-        self, vectors: Float[ArrayLike, "lane parameter"], sites: Site, settings: Setting, truths: Truth | None = None
+        self,
+        vectors: Float[ArrayLike, "lane parameter"],
+        sites: Site | Picked,
+        settings: Setting,
+        truths: Truth | Picked | None = None,
     ) -> tuple[Score, Meters]:
         """Batched `simulated` with the cascade's choice, walked as in `followed`."""
 

@@ -1,27 +1,26 @@
 """The lanes that a search trains on: terrains, and what each is judged by."""
 
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxleg.batch import Picked
 from jaxleg.leg.energy import CONVENTIONS
 from jaxleg.search.contestants import baseline, contestant, searched_planner
 from jaxleg.search.lanes import Setting, settings_of
 from jaxleg.search.run import Run
 from jaxleg.search.sites import make_sites
-from jaxleg.search.worlds import Truth
-from jaxleg.terrain.site import Site
 
 
 class Lanes(NamedTuple):
     """Lanes: sites with a leading axis, what each is judged by, and what it is walked with and on if that is another."""
 
-    site: Site
+    site: Any  # a `Site`, or such `Picked`
     setting: Setting
-    truth: Truth | None = None
+    truth: Any = None  # a `Truth`, or such `Picked`
 
     @property
     def number(self) -> int:
@@ -30,7 +29,7 @@ class Lanes(NamedTuple):
 
     def take(self, index: np.ndarray) -> "Lanes":
         """The lanes of these numbers."""
-        return jax.tree.map(lambda x: np.asarray(x)[index], self)
+        return jax.tree.map(lambda x: (x if isinstance(x, Picked) else np.asarray(x))[index], self)
 
 
 def training_lanes(state: Run, kind: str) -> Lanes:

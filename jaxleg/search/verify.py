@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxleg.batch import Picked
 from jaxleg.search import agreement, referees
 from jaxleg.search.config import Study
 from jaxleg.search.contest import Contest, contest
@@ -26,11 +27,13 @@ def held_out_lanes(state: Run, kind: str, best: np.ndarray) -> tuple[np.ndarray,
 
 
 def everyone(study: Study, kind: str, best: np.ndarray, site: Site, truth: Truth | None = None) -> tuple[np.ndarray, Lanes]:
-    """All contestants on all sites, contestant by contestant."""
+    """All contestants on all sites, contestant by contestant; they have the sites in common."""
     planners, count = contestants(study, kind, best), site.valid.shape[0]
-    parts = [Lanes(site, settings_of(planner, count), truth) for planner in planners]
+    setting = jax.tree.map(lambda *x: np.concatenate(x), *(settings_of(planner, count) for planner in planners))
     vectors = np.stack([read_leaves(planner, study.search.move) for planner in planners])
-    return np.repeat(vectors, count, axis=0), jax.tree.map(lambda *x: np.concatenate(x), *parts)
+    index = np.tile(np.arange(count), len(planners))
+    lanes = Lanes(Picked(site, index), setting, None if truth is None else Picked(truth, index))
+    return np.repeat(vectors, count, axis=0), lanes
 
 
 def held_out(state: Run, kind: str, best: np.ndarray) -> Contest:

@@ -118,6 +118,7 @@ def test_every_contestant_meets_the_same_worlds(pegasus):
     site, truth = make_worlds(STUDY, pegasus, Ground(), "rough")
     vectors, lanes = everyone(STUDY, "rough", np.zeros((3, 10)), site, truth)
     assert len(vectors) == 6 * 3
+    lanes = lanes.take(np.arange(18))
     jax.tree.map(lambda x, y: assert_array_equal(x, np.concatenate([y] * 6)), (lanes.site, lanes.truth), (site, truth))
 
 

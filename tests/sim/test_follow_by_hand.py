@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxleg.control.contract import State
-from jaxleg.control.course import Posture, command, corrected, held_feet
+from jaxleg.control.course import Posture, command, corrected, course, held_feet
 from jaxleg.control.sensing import Joints, Smoothed, at_rest, felt_forces, measured, smoothed
 from jaxleg.control.swing_leg import feeling
 from jaxleg.leg.dynamics import all_leg_frames
@@ -59,6 +59,13 @@ def test_a_command_has_the_angles_of_now_the_velocity_of_the_end_and_the_torque_
     np.testing.assert_allclose(order.velocity, 0.5 * LOW.joint_vel + 0.5 * HIGH.joint_vel, atol=1e-12)
     np.testing.assert_allclose(order.torque, 0.625 * LOW.joint_torque + 0.375 * HIGH.joint_torque, atol=1e-12)
     np.testing.assert_allclose(order.dt, 0.1)
+
+
+def test_a_course_begins_with_the_feet_where_the_plan_has_them_at_first():
+    both = Reference(*(jnp.stack([low, high]) for low, high in zip(LOW, HIGH)))
+    begun = course(both, jnp.asarray(1, jnp.int32), jnp.asarray(0.002)).start()
+    np.testing.assert_array_equal(begun.held, LOW.foot_pos)
+    assert begun.index == begun.ticks == 0
 
 
 @jax.jit
