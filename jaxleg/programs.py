@@ -6,22 +6,26 @@ with, and the structure and types of its arguments. What these do not tell, such
 traced as ever.
 """
 
+import dataclasses
 import functools
 import hashlib
+import io
 import pickle
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import FunctionType
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import export
 
 from jaxleg.about import about
 from jaxleg.files import replace_whole
 
 PACKAGE = Path(__file__).parent
-OWN = {PACKAGE.name, "builtins", "collections"}  # where the types of arguments may come from
+OWN = {PACKAGE.name, "builtins", "collections", "numpy"}  # where what a program is made of may come from
 
 
 class Kept(NamedTuple):
@@ -29,6 +33,35 @@ class Kept(NamedTuple):
 
     folder: Path
     name: str
+
+
+def of_method(thing: Any, name: str) -> Kept | None:
+    """Where a program of a dataclass's method is kept, in the folder that is its `programs`; None if it has none.
+
+    What the thing holds is in the program, so it is in the name. A thing of a class from elsewhere, or one that holds such,
+    has none: what that computes is not in the package's sources.
+    """
+    if thing.programs is None:
+        return None
+    held = {field.name: getattr(thing, field.name) for field in dataclasses.fields(thing) if field.name != "programs"}
+    text = io.BytesIO()
+    try:
+        _Own(text).dump((type(thing), held))
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return None
+    return Kept(thing.programs, f"{type(thing).__qualname__}.{name} {hashlib.sha256(text.getvalue()).hexdigest()}")
+
+
+class _Own(pickle.Pickler):
+    """Writes what is the package's own, arrays as NumPy's."""
+
+    def reducer_override(self, obj: Any) -> Any:
+        """Raises `PicklingError` for what is from elsewhere."""
+        if isinstance(obj, jax.Array):
+            return np.asarray(obj).__reduce__()
+        if (obj if isinstance(obj, type | FunctionType) else type(obj)).__module__.partition(".")[0] not in OWN:
+            raise pickle.PicklingError(f"{obj} is from elsewhere")
+        return NotImplemented
 
 
 def kept(function: Callable[..., Any], where: Kept, shardings: tuple[Any, ...], out: Any) -> Callable[..., Any]:

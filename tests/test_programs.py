@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from jaxleg.batch import over_lanes
-from jaxleg.programs import Kept
+from jaxleg.programs import Kept, of_method
 from jaxleg.search.free import free_lab
 from jaxleg.search.lanes import Lab
 from jaxleg.sim.contact import Ground
@@ -80,8 +80,8 @@ def test_a_lab_is_in_the_name_of_its_programs(pegasus, tmp_path, changes):
     again = dataclasses.replace(lab, robot=jax.tree.map(jnp.array, pegasus))
     other = dataclasses.replace(lab, **changes)
     heavier = dataclasses.replace(lab, robot=dataclasses.replace(pegasus, trunk_mass=pegasus.trunk_mass + 1e-6))
-    names = [x._kept("plans").name for x in (lab, other, heavier, free_lab(lab, None), free_lab(lab, 1))]
-    assert len({*names, lab._kept("models").name}) == 6
-    assert again._kept("plans") == lab._kept("plans")
-    assert dataclasses.replace(lab, programs=None)._kept("plans") is None
-    assert OtherLab(**vars(lab))._kept("plans") is None
+    names = [of_method(x, "plans").name for x in (lab, other, heavier, free_lab(lab, None), free_lab(lab, 1))]
+    assert len({*names, of_method(lab, "models").name}) == 6
+    assert of_method(again, "plans") == of_method(lab, "plans")
+    assert of_method(dataclasses.replace(lab, programs=None), "plans") is None
+    assert of_method(OtherLab(**vars(lab)), "plans") is None

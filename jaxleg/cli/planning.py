@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxleg.cli.start import EXIT_INFEASIBLE
+from jaxleg.cli.start import EXIT_INFEASIBLE, cache_folder
 from jaxleg.conventions import InputError
-from jaxleg.search.navigate import navigate, navigator_of, survey_all
+from jaxleg.search.navigate import navigate, navigator_of, planned_all, survey_all
 from jaxleg.settings import to_table
 from jaxleg.status import Status
 from jaxleg.terrain.heightmap import nearest_cell
@@ -41,7 +41,7 @@ STEP_FAULTS = {  # why a step cannot be made, in words
 def make(task: Any, console: Any) -> int:
     """Plan, write, show."""
     terrain, kind = task.map.terrain, task.study.kinds[task.kind]
-    navigator = navigator_of(task.study, task.robot, kind.gait, float(terrain.resolution), kind.leaves)
+    navigator = navigator_of(task.study, task.robot, kind.gait, float(terrain.resolution), kind.leaves, cache_folder())
     check_stance(task, navigator)
     lanes = jax.tree.map(lambda x: np.asarray(x)[None], terrain)
     start, goal = (task.ends[name].astype(lanes.elevation.dtype)[None] for name in ("start", "goal"))
@@ -54,7 +54,7 @@ def make(task: Any, console: Any) -> int:
             console.print(line)
         return EXIT_INFEASIBLE
     with console.status("reference"):
-        planned = jax.jit(navigator.planned)(walk)
+        planned = jax.tree.map(lambda x: x[0], planned_all(navigator, walked))
     save(task, navigator, walk, planned, goal[0])
     show(task, console, walk, planned, int(detours[0]))
     if task.figure:

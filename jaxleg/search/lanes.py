@@ -6,8 +6,6 @@ A lane is a planner on one terrain; the vector that a search moves takes the pla
 
 import dataclasses
 import functools
-import hashlib
-import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -23,7 +21,7 @@ from jaxleg.gait.limits import gait_constraints
 from jaxleg.leg.energy import CONVENTIONS, Convention, Power, electrical
 from jaxleg.planner import Planner
 from jaxleg.posture.workspace import nominal_rooms
-from jaxleg.programs import Kept
+from jaxleg.programs import of_method
 from jaxleg.robot import Robot
 from jaxleg.route.stations import Stations
 from jaxleg.search.config import EngineName, Span
@@ -126,15 +124,6 @@ class Lab:
         with jax.ensure_compile_time_eval():
             return {"legged": legged_engine, "mjx": mjx_engine}[self.terms](self.robot)
 
-    def _kept(self, name: str) -> Kept | None:
-        """Where a program of this lab is kept. What it holds is in the program, so it is in the name; a lab of another's class
-        may do anything."""
-        if self.programs is None or not type(self).__module__.startswith(__package__):
-            return None
-        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "programs"}
-        held = jax.tree.map(lambda x: np.asarray(x) if isinstance(x, jax.Array) else x, fields)
-        return Kept(self.programs, f"{type(self).__qualname__}.{name} {hashlib.sha256(pickle.dumps(held)).hexdigest()}")
-
     def planner(self, vector: Float[Array, "parameter"], setting: Setting) -> Planner:
         """The planner of one lane."""
         return with_leaves(setting.planner, self.move, vector)
@@ -220,7 +209,7 @@ class Lab:
             gradient, score = jax.grad(value, has_aux=True)(vector)
             return score, gradient
 
-        return over_lanes(lane, self.chunk, where=self._kept("proxy_gradients"))
+        return over_lanes(lane, self.chunk, where=of_method(self, "proxy_gradients"))
 
     @functools.cached_property
     def models(self) -> Callable[..., Model]:
@@ -232,7 +221,7 @@ class Lab:
             choice = self.choose(vector, site, setting)
             return linearised(lambda x: self.parts(x, site, choice, setting), vector, reach, self.rows)
 
-        return over_lanes(lane, max(1, self.chunk // 2), where=self._kept("models"))
+        return over_lanes(lane, max(1, self.chunk // 2), where=of_method(self, "models"))
 
     @functools.cached_property
     def _plans(self) -> Callable[[tuple, tuple], LanePlan]:
@@ -241,7 +230,7 @@ class Lab:
         def lane(vector, site, setting):
             return self.plan(vector, site, self.choose(vector, site, setting), setting)
 
-        return on_devices(jax.vmap(lane), where=self._kept("plans"))
+        return on_devices(jax.vmap(lane), where=of_method(self, "plans"))
 
     def plan_lanes(self, vectors: Float[ArrayLike, "lane parameter"], sites: Site | Picked, settings: Setting) -> LanePlan:
         """Batched `plan` with the cascade's choice."""
@@ -250,7 +239,7 @@ class Lab:
     @functools.cached_property
     def _follow(self) -> Callable[[tuple, tuple], tuple[Score, Meters]]:
         """One chunk of `followed`."""
-        return on_devices(jax.vmap(self.followed), where=self._kept("follow"))
+        return on_devices(jax.vmap(self.followed), where=of_method(self, "follow"))
 
     def simulate_lanes(
         self,
@@ -281,7 +270,7 @@ class Lab:
             return score, meters, gradient
 
         of_half = max(1, self.chunk // 2)  # reverse mode needs more memory a lane
-        return over_lanes(lane, of_half, where=self._kept("simulate_gradients"))
+        return over_lanes(lane, of_half, where=of_method(self, "simulate_gradients"))
 
 
 def stations(planner: Planner, cycles: int) -> Stations:

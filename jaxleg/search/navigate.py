@@ -6,6 +6,7 @@ kind. Results are NumPy arrays with a leading axis.
 
 import functools
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxleg.batch import layout, over_lanes, shared_out
 from jaxleg.gait.order import STEP_LEGS
+from jaxleg.programs import of_method
 from jaxleg.robot import Robot
 from jaxleg.search.config import Gait, Study
 from jaxleg.search.contestants import gait_params
@@ -42,12 +44,18 @@ class Outcome(NamedTuple):
 
 
 def navigator_of(
-    study: Study, robot: Robot, gait: Gait, resolution: float, leaves: Mapping[str, float] = MappingProxyType({})
+    study: Study,
+    robot: Robot,
+    gait: Gait,
+    resolution: float,
+    leaves: Mapping[str, float] = MappingProxyType({}),
+    programs: Path | None = None,
 ) -> Navigator:
-    """The planner of a study's settings on maps of a resolution [m per cell]; of a kind's own numbers it takes the swing's."""
+    """The planner of a study's settings on maps of a resolution [m per cell]; of a kind's own numbers it takes the swing's. Its
+    programs are kept in a folder, if one is named."""
     simulation = study.simulation
     swing = (leaves.get(f"swing.{name}", getattr(simulation, name)) for name in ("load_share", "clearance"))
-    return make_navigator(robot, study.navigation, gait_params(gait), *swing, resolution)
+    return make_navigator(robot, study.navigation, gait_params(gait), *swing, resolution, programs)
 
 
 def navigate(
@@ -55,7 +63,9 @@ def navigate(
 ) -> tuple[Walked, Int[np.ndarray, "map"]]:
     """Plan a walk on every map, and how many detours each took. A lane stuck with every path keeps its last status."""
     share = layout(len(start), MOST)
-    walk, detour = over_lanes(navigator.walk, *share), over_lanes(navigator.detour, *share)
+    walk, detour = (
+        over_lanes(getattr(navigator, name), *share, where=of_method(navigator, name)) for name in ("walk", "detour")
+    )
     closed = np.zeros(surveys.site.valid.shape, bool)
     walked = walk(surveys, start, goal, closed)
     detours = np.zeros(len(closed), int)
@@ -76,7 +86,12 @@ def navigate(
 
 def survey_all(navigator: Navigator, maps: HeightMap) -> Survey:
     """`Navigator.survey` of maps with a leading axis."""
-    return over_lanes(navigator.survey, *layout(len(maps.elevation), MOST))(maps)
+    return over_lanes(navigator.survey, *layout(len(maps.elevation), MOST), where=of_method(navigator, "survey"))(maps)
+
+
+def planned_all(navigator: Navigator, walked: Walked) -> Planned:
+    """`Navigator.planned` of walks with a leading axis."""
+    return over_lanes(navigator.planned, *layout(len(walked.status), MOST), where=of_method(navigator, "planned"))(walked)
 
 
 def simulate_all(
@@ -87,7 +102,7 @@ def simulate_all(
     length = np.where(walked.status == Status.OK, walked.choices.count, 0)
     share = layout(count, MOST)
     order, group = np.argsort(length, kind="stable"), int(np.prod(share))
-    plan = over_lanes(navigator.planned, *share)
+    plan = over_lanes(navigator.planned, *share, where=of_method(navigator, "planned"))
     lane = functools.partial(_simulated, navigator, engine, ground)
     run = shared_out(jax.vmap(lane, in_axes=(None, 0, 0, 0)), *share)
     parts = []

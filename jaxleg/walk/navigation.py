@@ -5,6 +5,7 @@ closed and another path is tried (`detour`).
 """
 
 import dataclasses
+from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -75,6 +76,7 @@ class Navigator:
     planner: Planner
     windows: Windows  # of the cost map, the feet where the gait puts them
     resolution: float
+    programs: Path | None = None  # folder in which traced programs are kept for later processes
 
     def survey(self, terrain: HeightMap) -> Survey:
         """Costs of the ground, valid cells and obstacles of a map. Paper C, 2.1 and 2.2.
@@ -168,11 +170,17 @@ class Navigator:
 
 
 def make_navigator(
-    robot: Robot, settings: Navigation, gait: GaitParams, load_share: float, clearance: float, resolution: float
+    robot: Robot,
+    settings: Navigation,
+    gait: GaitParams,
+    load_share: float,
+    clearance: float,
+    resolution: float,
+    programs: Path | None = None,
 ) -> Navigator:
     """Paper C's planner of a robot with a gait's stance, height, step and swing height; lengths [m]."""
     planner = paper_c(settings, gait, load_share, clearance, resolution)
     x, y = 0.5 * float(gait.stance_length), 0.5 * float(gait.stance_width)
     feet = dataclasses.replace(settings.cost.windows.feet, stance=((x, y), (x, -y), (-x, y), (-x, -y)))
     windows = dataclasses.replace(settings.cost.windows, feet=feet)
-    return Navigator(robot, settings, planner, windows, resolution)
+    return Navigator(robot, settings, planner, windows, resolution, programs)
