@@ -6,6 +6,7 @@ with, and the structure and types of its arguments. What these do not tell, such
 traced as ever.
 """
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
@@ -22,6 +23,7 @@ import numpy as np
 from jax import export
 
 from jaxleg.about import about
+from jaxleg.conventions import InputError
 from jaxleg.files import replace_whole
 
 PACKAGE = Path(__file__).parent
@@ -96,7 +98,9 @@ def _write(file: Path, function, tree, shardings: list[Any], leaves: list[Any]) 
         return found
 
     traced = export.export(jax.jit(of_leaves, in_shardings=shardings))(*leaves)
-    replace_whole(file, lambda part: part.write_bytes(pickle.dumps((outputs[-1], bytes(traced.serialize())))))
+    data = pickle.dumps((outputs[-1], bytes(traced.serialize())))
+    with contextlib.suppress(InputError):  # a full disk is no reason to stop
+        replace_whole(file, lambda part: part.write_bytes(data))
     return traced, outputs[-1]
 
 

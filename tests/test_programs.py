@@ -43,6 +43,11 @@ def test_a_kept_program_is_not_traced_again(tmp_path):
     assert_array_equal(scaled(7.0, where)(X)[0], 6.0 * X)
 
 
+def test_a_folder_that_cannot_be_written_is_no_hindrance(tmp_path):
+    (tmp_path / "file").touch()
+    assert_array_equal(scaled(2.0, Kept(tmp_path / "file" / "below", "scaled"))(X)[0], 2.0 * X)
+
+
 def test_other_sources_are_other_programs(tmp_path, monkeypatch):
     where = Kept(tmp_path, "scaled")
     scaled(2.0, where)(X)
