@@ -24,9 +24,9 @@ from jaxleg.settings import load
 CONFIG = Path(__file__).parent.parent / "configs" / "quickstart.toml"
 
 
-def setup(config: Path = CONFIG, sooner: bool = True) -> tuple[Study, Lab]:
-    """A study, the quickstart's, and its lab, with JAX configured as in the command line (`sooner`: see `configure_jax`)."""
-    configure_jax(sooner)
+def setup(config: Path = CONFIG) -> tuple[Study, Lab]:
+    """A study, the quickstart's, and its lab, with JAX configured as in the command line."""
+    configure_jax()
     study = load(Study, config)
     return study, make_lab(study, load_robot(robot_path(study, config)), cache_folder())
 

@@ -32,17 +32,15 @@ SOONER = "--xla_cpu_use_fusion_emitters=false"  # ours compile sooner and run no
 EXIT_INFEASIBLE, EXIT_INPUT, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 130, 141
 
 
-def configure_jax(sooner: bool = True) -> None:
-    """Persistent compilation cache, exact matrix products, a device a core; called once, before anything is compiled. Whether
-    XLA takes the way that compiles `sooner` is for who times others' programs to say.
+def configure_jax() -> None:
+    """Persistent compilation cache, exact matrix products, a device a core; called once, before anything is compiled.
 
     Raises `InputError` where JAX finds no device of the platform asked for.
     """
     import jax
 
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
-    if sooner:
-        compile_sooner()
+    compile_sooner()
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's back end may not even be installed here
     if cache := cache_folder():
         jax.config.update("jax_compilation_cache_dir", str(cache))

@@ -31,7 +31,7 @@ DATA = Path(__file__).parents[3] / "shared" / "data"
 
 @pytest.fixture(autouse=True)
 def configured(monkeypatch):
-    monkeypatch.setattr("experiments.common.configure_jax", lambda sooner: None)  # the session's configuration stays
+    monkeypatch.setattr("experiments.common.configure_jax", lambda: None)  # the session's configuration stays
 
 
 @pytest.fixture(scope="module")
