@@ -63,12 +63,10 @@ def soft_stance(
 
 
 def _reach(found: Found, reachable: Reachable):
-    """How far the lowest or highest of the four cells of each offset is within the legs' reach [m]; where no level is known
-    they take any."""
-    unknown = jnp.isnan(found.level)
-    above = _known(found.height) - jnp.where(unknown, 0.0, found.level)[:, None, None]
-    least = jnp.min(jnp.minimum(above - reachable.lowest, reachable.highest - above), axis=0)
-    return jnp.where(jnp.any(unknown), jnp.inf, least)
+    """How far the lowest or highest of the four cells of each offset is within the legs' reach [m]. Where a leg knows no level
+    it sees no foothold, and no common offset has any weight."""
+    above = _known(found.height) - _known(found.level)[:, None, None]
+    return jnp.min(jnp.minimum(above - reachable.lowest, reachable.highest - above), axis=0)
 
 
 def _known(height):

@@ -160,7 +160,8 @@ def test_a_robot_that_stands_presses_with_its_weight_as_deep_as_the_spring_says(
 
 def test_a_rollout_begins_as_deep_as_four_feet_press_with_the_weight(pegasus):
     rows = [np.zeros(1), ANGLES[None], *(np.zeros((1, 4, 3)),) * 2, [[0.1, 0.2, 0.5]], [[1.0, 0, 0, 0]], np.zeros((1, 6))]
-    track = Reference(*(np.asarray(x, float) for x in (*rows, np.zeros((1, 4, 3)), np.ones((1, 4)))))
+    first = (np.asarray(x, float) for x in (*rows, np.zeros((1, 4, 3)), np.ones((1, 4))))
+    track = Reference(*(np.concatenate([x, x + 0.1]) for x in first))  # the second sample is none of its business
     state = jax.tree.map(np.asarray, jax.jit(initial_state)(pegasus, GROUND, track))
     depth = brentq(lambda d: 30.0 * np.log(1.0 + np.exp(d / 6e-4)) - 35.2 * GRAVITY / 4.0, 0.0, 0.01)
     np.testing.assert_allclose(state.q[:7], [0.1, 0.2, 0.5 - depth, 1.0, 0.0, 0.0, 0.0], atol=1e-9)
