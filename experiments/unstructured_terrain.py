@@ -85,7 +85,7 @@ def path_row(survey: Survey, path: BodyPath) -> dict[str, float]:
 def draw_costs(navigator: Navigator, survey: Survey, paths: dict[float, BodyPath], path: Path) -> None:
     """Fig. 11 to 13 in one: features, costs and the two paths."""
     terrain = survey.site.terrain
-    body = navigator.windows.body
+    body = navigator.settings.cost.windows.body
     features = jax.jit(lambda t: body_features(t, navigator.resolution, body))(terrain)
     lines = [(f"mu_2 = {mu}", on_map(terrain, p)) for mu, p in paths.items()]
     cost_maps(terrain, features, survey.cost, 0, path, lines)

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from jaxleg.conventions import InputError
 from jaxleg.settings import setting
 from jaxleg.terrain.body_cost import BodySettings, BodyWeights, body_cost, body_features
-from jaxleg.terrain.foothold_cost import FeetSettings, FootWeights, LegWeights, feet_cost
+from jaxleg.terrain.foothold_cost import FeetSettings, FootWeights, LegWeights, Stance, feet_cost
 from jaxleg.terrain.foothold_features import FootholdFeatures, FootholdSettings
 from jaxleg.terrain.heightmap import HeightMap
 
@@ -92,6 +92,7 @@ def total_cost(
     footholds: FootholdFeatures,
     resolution: float,
     windows: Windows,
+    stance: Stance,
     weights: CostWeights,
     softness: Float[ArrayLike, ""] | None = None,
 ) -> CostMap:
@@ -99,10 +100,10 @@ def total_cost(
 
     Infinite, whatever the shares, where the body cannot be or a foot has seen no ground. `footholds` are the map's
     `foothold_features`, at the radii of `windows.foothold`. `resolution` is the map's
-    [m per cell], static as `windows` are; `softness` that of `body_features`, exact without.
+    [m per cell], static as `windows` and the `stance` are; `softness` that of `body_features`, exact without.
     """
     body = body_cost(body_features(terrain, resolution, windows.body, softness), weights.body, windows.combine)
-    feet = feet_cost(footholds, resolution, windows.feet, weights.feet)
+    feet = feet_cost(footholds, resolution, windows.feet, stance, weights.feet)
     return CostMap(combined(body, feet, weights.body_share), body, feet)
 
 

@@ -25,7 +25,8 @@ from jaxleg.terrain.window import Disc
 
 FEATURES = tuple(f"{name}_{size}" for size in ("small", "large") for name in ("curvature", "slope", "concavity", "uphill"))
 HAND = (0.10, 0.15, 0.10, 0.05, 0.20, 0.25, 0.10, 0.05)  # our hand's weights of `FEATURES`; the paper's are lost
-Stance = tuple[tuple[float, float], ...]
+Place = tuple[float, float]
+Stance = tuple[Place, Place, Place, Place]  # default footholds of the legs (x, y) in B [m]; static
 Eight = tuple[float, float, float, float, float, float, float, float]
 
 
@@ -38,18 +39,11 @@ class FootWeights(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class FeetSettings:
-    """Where a robot stands, and the window round each default foothold that costs are averaged over; static."""
+    """The window round each default foothold that costs are averaged over; static."""
 
-    stance: Stance = setting(
-        ((0.30, 0.18), (0.30, -0.18), (-0.30, 0.18), (-0.30, -0.18)), unit="m", help="default footholds of the legs in B"
-    )
     window: Literal["rectangle", "triangle"] = setting("rectangle", help="the triangle points ahead")
     length: float = setting(0.30, above=0.0, max=2.0, unit="m", help="of the window along the heading")
     width: float = setting(0.12, above=0.0, max=2.0, unit="m", help="across the heading")
-
-    def __post_init__(self) -> None:
-        if len(self.stance) != len(LEGS):
-            raise ValueError(f"stance has {len(self.stance)} footholds, but must have one for each of {', '.join(LEGS)}")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,7 +95,7 @@ def foothold_cost(
 
 
 def feet_cost(
-    features: FootholdFeatures, resolution: float, settings: FeetSettings, weights: FootWeights
+    features: FootholdFeatures, resolution: float, settings: FeetSettings, stance: Stance, weights: FootWeights
 ) -> Float[Array, "heading nx ny"]:
     """Cost of the ground under the feet for the body's centre on each cell, for each of `HEADINGS`. Paper C, (14), (15).
 
@@ -112,23 +106,28 @@ def feet_cost(
     def cost(leg, turn):
         return foothold_cost(features, weights, leg, 0.25 * jnp.pi * turn.astype(features.slope.dtype))
 
-    return jnp.mean(window_means(cost, resolution, settings), axis=1)
+    return jnp.mean(window_means(cost, resolution, settings, stance), axis=1)
 
 
-def least_footing(valid: Bool[Array, "nx ny"], resolution: float, settings: FeetSettings) -> Float[Array, "heading nx ny"]:
+def least_footing(
+    valid: Bool[Array, "nx ny"], resolution: float, settings: FeetSettings, stance: Stance
+) -> Float[Array, "heading nx ny"]:
     """Share of cells where a foot may stand in the window of the leg that has the fewest, as `feet_cost`'s."""
     share = valid.astype(jnp.result_type(float))
-    return jnp.min(window_means(lambda leg, turn: share, resolution, settings), axis=1)
+    return jnp.min(window_means(lambda leg, turn: share, resolution, settings, stance), axis=1)
 
 
 def window_means(
-    of: Callable[[Int[Array, ""], Int[Array, ""]], Float[Array, "nx ny"]], resolution: float, settings: FeetSettings
+    of: Callable[[Int[Array, ""], Int[Array, ""]], Float[Array, "nx ny"]],
+    resolution: float,
+    settings: FeetSettings,
+    stance: Stance,
 ) -> Float[Array, "heading leg nx ny"]:
     """Means of a map, given for a leg and a heading's number, over the window round that leg's default foothold.
 
     For the body's centre on each cell; the finite cells of a window count, infinite where it has none.
     """
-    cells, used = _table(settings, resolution)
+    cells, used = _table(settings, stance, resolution)
     reach = int(np.abs(cells).max())
 
     def under(turn, leg):
@@ -154,13 +153,13 @@ def _mean(padded, corners, used, shape):
     return jnp.where(count > 0, total / jnp.maximum(count, 1.0), jnp.inf)
 
 
-def windows(settings: FeetSettings, resolution: float) -> list[list[Disc]]:
+def windows(settings: FeetSettings, stance: Stance, resolution: float) -> list[list[Disc]]:
     """Cells (i, j) of the window of each heading and leg, relative to the body's centre: [heading][leg]; static."""
     turns = [0.25 * math.pi * k for k in range(len(HEADINGS))]
-    return [[_window(settings, place, turn, resolution) for place in settings.stance] for turn in turns]
+    return [[_window(settings, place, turn, resolution) for place in stance] for turn in turns]
 
 
-def _window(settings: FeetSettings, place: tuple[float, float], heading: float, resolution: float) -> Disc:
+def _window(settings: FeetSettings, place: Place, heading: float, resolution: float) -> Disc:
     """Cells whose centres lie in the window round a default foothold that turned with the heading; the nearest if none does."""
     turn = np.array([[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]])
     middle = turn @ np.array(place) / resolution
@@ -181,9 +180,9 @@ def _contains(settings: FeetSettings, along: np.ndarray, across: np.ndarray) -> 
     return (behind >= -1e-6) & (np.abs(across) <= half * (1.0 - behind / long) + 1e-6)
 
 
-def _table(settings: FeetSettings, resolution: float) -> tuple[np.ndarray, np.ndarray]:
+def _table(settings: FeetSettings, stance: Stance, resolution: float) -> tuple[np.ndarray, np.ndarray]:
     """`windows` as an array (heading, leg, cell, 2) filled up to the largest, and which of its cells count."""
-    rows = windows(settings, resolution)
+    rows = windows(settings, stance, resolution)
     size = max(len(cells) for row in rows for cells in row)
     used = np.array([[np.arange(size) < len(cells) for cells in row] for row in rows])
     return np.array([[cells + ((0, 0),) * (size - len(cells)) for cells in row] for row in rows]), used

@@ -20,8 +20,8 @@ from jaxleg.robot.model import Robot
 from jaxleg.route.path import BodyPath, PathWeights, find_path
 from jaxleg.route.stations import Line, Stations, smoothed
 from jaxleg.status import Status
-from jaxleg.terrain.cost_map import CostMap, Windows, cost_weights, total_cost
-from jaxleg.terrain.foothold_cost import foothold_cost, least_footing
+from jaxleg.terrain.cost_map import CostMap, cost_weights, total_cost
+from jaxleg.terrain.foothold_cost import Stance, foothold_cost, least_footing
 from jaxleg.terrain.foothold_features import foothold_features
 from jaxleg.terrain.footing import FootingRule
 from jaxleg.terrain.heightmap import HeightMap, nearest_cell
@@ -74,7 +74,7 @@ class Navigator:
     robot: Robot
     settings: Navigation
     planner: Planner
-    windows: Windows  # of the cost map, the feet where the gait puts them
+    stance: Stance  # where the gait puts the feet
     resolution: float
     programs: Path | None = None  # folder in which traced programs are kept for later processes
 
@@ -85,8 +85,9 @@ class Navigator:
         """
         dtype, resolution = terrain.elevation.dtype, self.resolution
         weights = jax.tree.map(lambda x: x.astype(dtype), cost_weights(self.settings.cost))
-        features = foothold_features(terrain, resolution, self.windows.foothold)
-        cost = total_cost(terrain, features, resolution, self.windows, weights)
+        windows = self.settings.cost.windows
+        features = foothold_features(terrain, resolution, windows.foothold)
+        cost = total_cost(terrain, features, resolution, windows, self.stance, weights)
         angles = 0.25 * jnp.pi * jnp.arange(len(HEADINGS), dtype=dtype)
 
         def of_leg(leg):  # one heading after another: a vmap would hold the scores of all of them at once
@@ -94,7 +95,7 @@ class Navigator:
 
         foot = jax.lax.map(of_leg, jnp.arange(len(LEGS)))
         site = self.site(terrain)._replace(cost=foot)
-        enough = least_footing(site.valid, resolution, self.windows.feet) >= self.settings.footing.least_share
+        enough = least_footing(site.valid, resolution, windows.feet, self.stance) >= self.settings.footing.least_share
         return Survey(site, cost._replace(total=jnp.where(enough, cost.total, jnp.inf)))
 
     def site(self, terrain: HeightMap) -> Site:
@@ -181,6 +182,4 @@ def make_navigator(
     """Paper C's planner of a robot with a gait's stance, height, step and swing height; lengths [m]."""
     planner = paper_c(settings, gait, load_share, clearance, resolution)
     x, y = 0.5 * float(gait.stance_length), 0.5 * float(gait.stance_width)
-    feet = dataclasses.replace(settings.cost.windows.feet, stance=((x, y), (x, -y), (-x, y), (-x, -y)))
-    windows = dataclasses.replace(settings.cost.windows, feet=feet)
-    return Navigator(robot, settings, planner, windows, resolution, programs)
+    return Navigator(robot, settings, planner, ((x, y), (x, -y), (-x, y), (-x, -y)), resolution, programs)

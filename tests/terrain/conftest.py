@@ -12,7 +12,7 @@ from jaxleg.terrain.foothold_features import foothold_features
 
 SIZE = 0.04  # [m]
 STANCE = ((0.12, 0.10), (0.12, -0.10), (-0.14, 0.10), (-0.14, -0.10))
-FEET = FeetSettings(STANCE, length=0.16, width=0.08)
+FEET = FeetSettings(length=0.16, width=0.08)
 
 
 @pytest.fixture(scope="session")
@@ -29,6 +29,6 @@ def costs(windows):
         terrain = HeightMap(elevation, jnp.zeros(2, elevation.dtype), jnp.array(SIZE, elevation.dtype))
         footholds = foothold_features(terrain, SIZE, windows.foothold)
         weights = jax.tree.map(lambda x: jnp.asarray(x, elevation.dtype), weights)
-        return footholds, total_cost(terrain, footholds, SIZE, windows, weights)
+        return footholds, total_cost(terrain, footholds, SIZE, windows, STANCE, weights)
 
     return compute

@@ -76,10 +76,6 @@ def test_settings_come_back_from_a_file(tmp_path):
         ({"body_weights": [0.5, 0.5, 0.5]}, r"squares of body_weights, \[0.5, 0.5, 0.5\], sum to 0.75, but must sum to 1"),
         ({"lambda_body": 0.9}, "lambda_body and lambda_feet, 0.9 and 0.5, must sum to 1"),
         ({"foot_weights": {"RF": [0.5] * 8}}, "foot_weights: RF: weights sum to 4, but must sum to 1"),
-        (
-            {"windows": {"feet": {"stance": [[0.3, 0.2]]}}},
-            "stance has 1 footholds, but must have one for each of LF, RF, LH, RH",
-        ),
         ({"windows": {"body": {"roughness": "lots"}}}, "roughness is .lots., but must be a text, one of"),
     ],
 )
