@@ -12,7 +12,7 @@ import functools
 import hashlib
 import io
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple
@@ -46,12 +46,31 @@ def of_method(thing: Any, name: str) -> Kept | None:
     if thing.programs is None:
         return None
     held = {field.name: getattr(thing, field.name) for field in dataclasses.fields(thing) if field.name != "programs"}
-    text = io.BytesIO()
-    try:
-        _Own(text).dump((type(thing), held))
-    except (pickle.PicklingError, AttributeError, TypeError):
-        return None
-    return Kept(thing.programs, f"{type(thing).__qualname__}.{name} {hashlib.sha256(text.getvalue()).hexdigest()}")
+    text = _told((type(thing), held))
+    return None if text is None else Kept(thing.programs, f"{name} {text}")
+
+
+def kept(function: Callable[..., Any], where: Kept, shardings: tuple[Any, ...], out: Any) -> Callable[..., Any]:
+    """A compiled function (of arrays in trees, none of them static) whose programs are kept; `shardings` of its arguments, one
+    for each, and that of what comes `out`. It has no gradient."""
+    programs: dict[Any, Callable[..., Any]] = {}
+
+    def call(*arguments: Any) -> Any:
+        leaves, tree = jax.tree.flatten(arguments)
+        shapes = tuple((x.shape, str(jax.dtypes.canonicalize_dtype(x.dtype))) for x in leaves)
+        if (tree, shapes) not in programs:
+            text = _told((_structure(tree), shapes))
+            wanted = jax.tree.leaves(jax.tree.map(lambda s, part: jax.tree.map(lambda _: s, part), shardings, arguments))
+            programs[tree, shapes] = function if text is None else made(text, tree, wanted, leaves)
+        return programs[tree, shapes](*arguments)
+
+    def made(text: str, tree, wanted, leaves) -> Callable[..., Any]:
+        file = where.folder / f"{_digest(where.name, text)}.program"
+        traced, outputs = _read(file) or _write(file, function, tree, wanted, leaves)
+        run, structure = jax.jit(traced.call, in_shardings=wanted, out_shardings=out), jax.tree.structure(outputs)
+        return lambda *arguments: jax.tree.unflatten(structure, run(*jax.tree.leaves(arguments)))
+
+    return call
 
 
 class _Own(pickle.Pickler):
@@ -66,26 +85,22 @@ class _Own(pickle.Pickler):
         return NotImplemented
 
 
-def kept(function: Callable[..., Any], where: Kept, shardings: tuple[Any, ...], out: Any) -> Callable[..., Any]:
-    """A compiled function (of arrays in trees, none of them static) whose programs are kept; `shardings` of its arguments, one
-    for each, and that of what comes `out`. It has no gradient."""
-    programs: dict[Any, tuple[Callable[..., Any], Any]] = {}
+def _told(thing: Any) -> str | None:
+    """What tells a thing from others, None for one that is from elsewhere or holds such."""
+    text = io.BytesIO()
+    pickler = _Own(text)
+    pickler.fast = True  # alike whichever parts of it are one object
+    try:
+        pickler.dump(thing)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return None
+    return hashlib.sha256(text.getvalue()).hexdigest()
 
-    def call(*arguments: Any) -> Any:
-        leaves, tree = jax.tree.flatten(arguments)
-        if not all(x.__module__.partition(".")[0] in OWN for x in _types(tree)):
-            return function(*arguments)
-        kind = (tree, *((x.shape, jax.dtypes.canonicalize_dtype(x.dtype)) for x in leaves))
-        if kind not in programs:
-            wanted = jax.tree.leaves(jax.tree.map(lambda s, part: jax.tree.map(lambda _: s, part), shardings, arguments))
-            file = where.folder / f"{_digest(where.name, str(kind))}.program"
-            traced, outputs = _read(file) or _write(file, function, tree, wanted, leaves)
-            run = jax.jit(traced.call, in_shardings=wanted, out_shardings=out)
-            programs[kind] = run, jax.tree.structure(outputs)
-        run, outputs = programs[kind]
-        return jax.tree.unflatten(outputs, run(*leaves))
 
-    return call
+def _structure(tree: Any) -> Any:
+    """A tree's structure in lists: type, what is static and the children of each node."""
+    data = tree.node_data()
+    return data and [*data, [_structure(child) for child in tree.children()]]
 
 
 def _write(file: Path, function, tree, shardings: list[Any], leaves: list[Any]) -> tuple[export.Exported, Any]:
@@ -111,15 +126,6 @@ def _read(file: Path) -> tuple[export.Exported, Any] | None:
         return export.deserialize(bytearray(data)), outputs
     except Exception:  # a file that is cut off fails in any way; it is written anew
         return None
-
-
-def _types(tree) -> Iterator[type]:
-    """The types of all nodes of a tree."""
-    data = tree.node_data()
-    if data is not None:
-        yield data[0]
-        for child in tree.children():
-            yield from _types(child)
 
 
 def _digest(*texts: str) -> str:

@@ -14,6 +14,8 @@ from jaxleg.programs import Kept, of_method
 from jaxleg.search.free import free_lab
 from jaxleg.search.lanes import Lab
 from jaxleg.sim.contact import Ground
+from jaxleg.swing.planner import shortest
+from jaxleg.swing.routing import taut_string
 from jaxleg.terrain import HeightMap
 
 X = np.arange(6.0)
@@ -66,6 +68,15 @@ def test_what_comes_from_elsewhere_is_traced_as_ever(tmp_path):
     assert_array_equal(scaled(2.0, where)(ground)[0], scaled(3.0, where)(ground)[0])
 
 
+def test_a_function_from_elsewhere_in_a_structure_is_traced_as_ever(tmp_path):
+    """What is static may be a function, told by nothing but its place in memory."""
+    planners = [dataclasses.replace(shortest(), route=route) for route in (taut_string, lambda view: None)]
+    rows = [jax.tree.map(lambda x: jnp.broadcast_to(x, 6), planner) for planner in planners]
+    for factor in (2.0, 3.0):
+        for row, seen in zip(rows, (2.0, factor)):
+            assert_array_equal(scaled(factor, Kept(tmp_path, "scaled"))(row)[0], seen * jax.tree.leaves(row)[0])
+
+
 class OtherLab(Lab):
     pass
 
@@ -83,6 +94,9 @@ class OtherLab(Lab):
 def test_a_lab_is_in_the_name_of_its_programs(pegasus, tmp_path, changes):
     lab = Lab(pegasus, ("gait.skew",), Ground(), (8, 8), 2, 1, "net", programs=tmp_path)
     again = dataclasses.replace(lab, robot=jax.tree.map(jnp.array, pegasus))
+    twice, once = "".join(["gait.", "skew"]), "".join(["gait.", "skew"])  # no one object
+    names = [of_method(dataclasses.replace(lab, move=(twice, x)), "plans") for x in (twice, once)]
+    assert names[0] == names[1]
     other = dataclasses.replace(lab, **changes)
     heavier = dataclasses.replace(lab, robot=dataclasses.replace(pegasus, trunk_mass=pegasus.trunk_mass + 1e-6))
     names = [of_method(x, "plans").name for x in (lab, other, heavier, free_lab(lab, None), free_lab(lab, 1))]
