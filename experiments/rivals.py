@@ -40,9 +40,9 @@ class TimeUp(Exception):
     """The limit is reached."""
 
 
-def run(method: str, kind: str, seeds: int, limit: float, lanes_file: str, out: str, born: float) -> None:
-    """Search once cold, from when this process was `born`, then `seeds` times warm; each for at most `limit` seconds once all
-    is loaded. Writes rows of (wall and CPU seconds, vector) a run."""
+def run(method: str, kind: str, seeds: int, limits: tuple[float, float], lanes_file: str, out: str, born: float) -> None:
+    """Search once cold, from when this process was `born`, then `seeds` times warm, each for at most as many seconds as its
+    limit (cold, warm) once all is loaded. Writes rows of (wall and CPU seconds, vector) a run."""
     began = time.perf_counter() - (time.time() - born), 0.0
     study, lab = setup()
     lanes, traces = pickle.loads(Path(lanes_file).read_bytes()), []
@@ -51,7 +51,7 @@ def run(method: str, kind: str, seeds: int, limit: float, lanes_file: str, out: 
 
         def tell(vector: np.ndarray) -> None:
             trace.append((time.perf_counter() - began[0], time.process_time() - began[1], vector.tolist()))  # noqa: B023
-            if time.perf_counter() - ready > limit:  # noqa: B023
+            if time.perf_counter() - ready > limits[seed > 0]:  # noqa: B023
                 raise TimeUp
 
         with contextlib.suppress(TimeUp):
