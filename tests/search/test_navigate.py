@@ -6,10 +6,12 @@ import json
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxleg.cli import main
+from jaxleg.route.path import BodyPath
 from jaxleg.search.config import Gait, Kind, Study, Workspace
 from jaxleg.search.navigate import navigate, navigator_of, on_valid_cells, simulate_all, survey_all
 from jaxleg.sim.contact import Ground
@@ -38,6 +40,23 @@ def planned(pegasus):
     surveys = survey_all(navigator, jax.tree.map(lambda x: np.asarray(x)[None], ground))
     walked, _ = navigate(navigator, surveys, START, GOAL)
     return navigator, surveys, walked
+
+
+@pytest.mark.parametrize(("metres", "allowed"), [(0.8, True), (1.2, False), (2.8, False)])
+def test_a_walk_of_more_steps_than_allowed_is_seen_to_be(pegasus, metres, allowed):
+    """20 steps are 10 half cycles of 0.1 m."""
+    navigation = Study(kinds={"flat": Kind()}).navigation
+    navigation = dataclasses.replace(navigation, path=dataclasses.replace(navigation.path, steps=20, cells=90))
+    study = dataclasses.replace(Study(kinds={"flat": Kind()}), navigation=navigation)
+    navigator = navigator_of(study, pegasus, Gait(step_length=0.2), GRID.resolution)
+    cells = round(metres / GRID.resolution) + 1
+    path = np.stack([np.minimum(np.arange(90), cells - 1), np.full(90, 20)], axis=1)
+    ground = jax.tree.map(jnp.asarray, terrain("flat", GRID, jax.random.key(0), 0.0, TerrainSettings()))
+    whole = [jnp.asarray(x, jnp.int32) for x in (path, np.zeros(90), cells, Status.OK)]
+    found = BodyPath(*whole[:3], jnp.asarray(0.0), whole[3])
+    count = int(jax.jit(navigator.stations)(ground, found).count)
+    assert (2 * count <= 20) == allowed
+    assert count == min(round(metres / 0.1), 13)
 
 
 def test_a_walk_reaches_its_goal_on_valid_cells(planned):

@@ -244,6 +244,7 @@ def test_no_route_leads_over_ground_above_the_map():
     for planner in (shortest(), repaired()):
         assert not plan(printed(), planner, STEP, wall, ABOVE, True).found
         assert plan(printed(high=12.0), planner, STEP, wall, ABOVE, True).found
+        assert plan(printed(), planner, STEP, wall, np.array([5.0, 3.0 + 1e-6]), False).found  # it lies behind
 
 
 def test_following_a_route_stops_at_the_first_contact():

@@ -145,3 +145,9 @@ def test_a_rounded_corner_leaves_the_polyline_by_no_more_than_said():
     off = np.minimum(np.abs(points[:, 0]), np.abs(1.0 - points[:, 1])).max()
     assert 0.1 * rounding < off <= 0.16 * np.sqrt(2.0) * rounding
     np.testing.assert_allclose(points[[0, -1]], [[0.0, 0.0], [1.0, 1.0]], atol=1e-9)
+
+
+def test_a_corner_nearer_to_an_end_than_its_rounding_moves_neither_end():
+    for corner in ([[0.0, 0.0], [0.0, 1.0], [0.03, 1.0]], [[0.0, 0.0], [0.0, 0.03], [1.0, 0.03]]):
+        ends = jax.vmap(lambda s: along(jnp.asarray(corner), jnp.asarray(0.1), s))(jnp.array([0.0, 1.0]))  # noqa: B023
+        np.testing.assert_allclose(ends, [corner[0], corner[-1]], atol=1e-9)
