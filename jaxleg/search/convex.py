@@ -56,13 +56,16 @@ def lowest(problem: Problem, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 def _centred(problem, low, high, step, weight):
     """Newton's steps to the lowest point of the rounded model with its barrier."""
+    there = _rounded(problem, low, high, step, weight)
     for _ in range(NEWTONS):
-        value, slope, curvature = _rounded(problem, low, high, step, weight)
+        value, slope, curvature = there
         way = -np.linalg.solve(curvature + 1e-12 * np.eye(len(step)), slope)
         gain = -slope @ way
         share = min(1.0, 0.95 * _room(step, way, low, high))
-        while share > 1e-8 and _rounded(problem, low, high, step + share * way, weight)[0] > value - 1e-4 * share * gain:
+        there = _rounded(problem, low, high, step + share * way, weight)
+        while share > 1e-8 and there[0] > value - 1e-4 * share * gain:
             share *= 0.5
+            there = _rounded(problem, low, high, step + share * way, weight)
         step = step + share * way
         if gain < 1e-2 * weight:
             break
