@@ -277,7 +277,7 @@ def test_few_or_no_terrains_for_the_referee(answer, whole, tmp_path, robot, numb
 def test_randomised_lanes_are_walked_after_a_finished_run(answer, whole, tmp_path, robot):
     """The other stages are found; a resume finds these too. Without any range, on as many lanes, rough ground and stairs give
     what the held-out contest gives."""
-    nothing = Randomise(lanes=6, mass=0.0, com=0.0, friction=(0.8, 0.8), gains=0.0, map_noise=0.0)
+    nothing = Randomise(lanes=6, mass=0.0, com=0.0, friction=(0.8, 0.8), gains=0.0, map_noise=0.0, map_filter=0.0)
     study = dataclasses.replace(STUDY, randomise=nothing)
     shutil.copytree(whole, tmp_path / "run")
     dump(study, tmp_path / "run" / "config.toml")
