@@ -1,7 +1,7 @@
 """How fast is the rollout? Simulated seconds per second over distinct terrains and parameters, 64 x 64 maps.
 
 Four engines follow the same joint references: jaxleg's rollout (meters included); `mjx.step` with MuJoCo's native height field
-and contacts of the feet (MJX's box over a height field, which the trunk is, would take 28 times as long); bare `mjx.step`
+and contacts of the feet (MJX's box over a height field, which the trunk is, would take 20 to 30 times as long); bare `mjx.step`
 without any contact (the robot moves its legs in free fall); C MuJoCo's `mujoco.rollout` on two threads, one model a terrain, at
 the referee's 2 ms. The three that run in JAX get the same chunks on the same devices.
 

@@ -56,6 +56,7 @@ def kept(function: Callable[..., Any], where: Kept, shardings: tuple[Any, ...], 
     programs: dict[Any, Callable[..., Any]] = {}
 
     def call(*arguments: Any) -> Any:
+        """The function, by the program for arguments of this structure, these shapes and types."""
         leaves, tree = jax.tree.flatten(arguments)
         shapes = tuple((x.shape, str(jax.dtypes.canonicalize_dtype(x.dtype))) for x in leaves)
         if (tree, shapes) not in programs:

@@ -123,6 +123,7 @@ def test_the_taut_string_is_the_least_concave_curve():
 
 def test_the_field_is_finite_and_points_out_of_obstacles():
     seen = view(printed(), as_printed(), STEP, map_of(LEVEL), ABOVE, True)
+    np.testing.assert_allclose(seen.block, [0.0 + 0.5, 8.0 - 0.5, 3.0 + 0.5])  # (13), with Table I's H_limit
     goal = np.array([8.0, 3.0])
     inside = [[3.0, 2.9], [3.0, 3.48], [0.52, 3.2], [3.0, 3.0], [0.3, 3.0]]
     point = [2.0, 3.53]  # within d0 of the block's top

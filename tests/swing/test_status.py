@@ -58,6 +58,11 @@ def test_unseen_ground_in_the_step_is_refused_and_elsewhere_is_not():
     for cell, status in ((100, StepStatus.UNSEEN), (0, StepStatus.OK), (200, StepStatus.OK)):
         ground = np.where(np.arange(201) == cell, np.nan, MAP.ground)
         assert status_on_map(printed(), STEP, MAP._replace(ground=ground)) == status
+    between = STEP._replace(start=np.array([0.02, 3.0]), target=np.array([8.02, 3.0]))  # both ends lie between two points
+    for cell in range(8, 194):
+        ground = np.where(np.arange(201) == cell, np.nan, MAP.ground)
+        seen = status_on_map(printed(), between, MAP._replace(ground=ground))
+        assert seen == (StepStatus.UNSEEN if 10 <= cell <= 191 else StepStatus.OK)
     hole = LEVEL._replace(coefficients=np.where(np.arange(14)[:, None] == 4, np.nan, LEVEL.coefficients))
     assert status_on_profile(printed(), STEP, hole) == StepStatus.UNSEEN
     with pytest.raises(ValueError, match="unseen"):
